@@ -5,7 +5,7 @@ Shapes: time first, always two-dimensional: t (N,), u (N, nu), y (N, ny), q (N, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
@@ -443,7 +443,45 @@ class Analysis(Protocol):
     def compute(self, plant: Plant, sampling: Sampling, rng: np.random.Generator) -> Mapping[str, float]: ...
 
 
-class Executor(Protocol):
-    """Runs tasks; yields (index, rows) as they come, in any order."""
+@dataclass(frozen=True)
+class Cell:
+    """One row to be: what answers (a method or an analysis), its labels and its key."""
 
-    def run(self, tasks: Sequence[Any]) -> Any: ...
+    key: str
+    solver: str
+    labels: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """One record, acquired once, and the cells that use it.
+
+    parts: group -> JSON text of the node (workers build objects from it); seed: of the record.
+    """
+
+    study: str
+    kind: str
+    parts: Mapping[str, str]
+    seed: int
+    repetition: int
+    labels: Mapping[str, Any]
+    cells: tuple[Cell, ...]
+    record_key: str
+    packages: tuple[str, ...] = ()
+
+    def row(self, cell: Cell, **columns: Any) -> dict[str, Any]:
+        """A row of one cell: its labels and `columns`."""
+        return {"key": cell.key, "study": self.study, **cell.labels, "seed": self.seed, **columns}
+
+    def without(self, keys: set[str]) -> Task:
+        """The same task with only those cells whose key is not in `keys`."""
+        cells = tuple(cell for cell in self.cells if cell.key not in keys)
+        return Task(**{**vars(self), "cells": cells})
+
+
+class Executor(Protocol):
+    """Runs `work(task)`, which yields one row per cell, for every task; yields rows as they come, in any order."""
+
+    def run(
+        self, work: Callable[[Task], Iterator[dict[str, Any]]], tasks: Iterable[Task]
+    ) -> Iterator[dict[str, Any]]: ...

@@ -1,0 +1,106 @@
+"""command line -> a door. `sysid-bench` alone lists the verbs."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+# One BLAS thread: cells are small and run side by side. Must stand before numpy is first imported.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+POSITIONAL = {"view": "path", "recover": "path"}
+DONE, NO, WRONG = 0, 1, 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb; the exit code: 0 done, 1 the answer is no, 2 the call or its input is wrong."""
+    from sysid_bench.nouns import InputError
+
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    debug = "debug=true" in arguments
+    try:
+        return _dispatch([a for a in arguments if not a.startswith("debug=")])
+    except InputError as problem:
+        if debug:
+            raise
+        print(f"sysid-bench: {problem}", file=sys.stderr)
+        return WRONG
+    except KeyboardInterrupt:
+        print("sysid-bench: interrupted; what was finished is kept.", file=sys.stderr)
+        return NO
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except OSError as problem:
+        if debug:
+            raise
+        print(f"sysid-bench: {problem.strerror or problem}: {problem.filename or ''}", file=sys.stderr)
+        return WRONG
+
+
+def _dispatch(arguments: list[str]) -> int:
+    from sysid_bench.nouns import InputError
+
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_menu())
+        return DONE
+    if arguments[0] == "--version":
+        from sysid_bench import __version__
+
+        print(__version__)
+        return DONE
+    verb, rest = arguments[0], arguments[1:]
+    from sysid_bench import conf
+
+    known = conf.verbs()
+    if verb not in known:
+        raise InputError(f"no verb {verb!r}. There are: {', '.join(known)}.")
+    if any(a in ("-h", "--help") for a in rest):
+        print(_help(verb))
+        return DONE
+    rest = [a if "=" in a or verb not in POSITIONAL else f"{POSITIONAL[verb]}={a}" for a in rest]
+    overrides, plugins = conf.split_plugins([a for a in rest if a != "--cfg"])
+    cfg = conf.compose(verb, overrides, plugins)
+    if "--cfg" in rest:
+        import yaml
+
+        print(yaml.safe_dump(cfg, sort_keys=False), end="")
+        return DONE
+    cfg["plugins"] = plugins
+    return importlib.import_module(f"sysid_bench.doors.{verb}").main(cfg)
+
+
+def _menu() -> str:
+    from sysid_bench import conf
+
+    lines = [
+        "sysid-bench VERB [key=value ...]      second-order mechanical systems, identified from sampled data",
+        "",
+    ]
+    for verb, (what, example) in conf.verbs().items():
+        lines += [f"  {verb:<10} {what}", f"  {'':<10} $ {example}"]
+    lines += [
+        "",
+        "sysid-bench VERB --help: every knob of a verb; --cfg: the resolved config, without running it.",
+    ]
+    return "\n".join(lines)
+
+
+def _help(verb: str) -> str:
+    """The verb's primary config with its comments, and the options of its groups."""
+    from sysid_bench import conf
+
+    text = (conf.home().conf / f"{verb}.yaml").read_text().rstrip()
+    options = conf.groups()
+    used = [group for group in options if f"- {group}:" in text or f"- /{group}:" in text]
+    shelves = [f"  {group}=  {', '.join(options[group])}" for group in used]
+    if verb == "sweep":
+        shelves.append(f"  experiment=  {', '.join(conf.studies())}")
+    return "\n".join([text, "", "options:", *shelves] if shelves else [text])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

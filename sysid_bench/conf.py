@@ -1,0 +1,172 @@
+"""verb and overrides -> plain config. With __main__ the only file that knows Hydra."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sysid_bench.nouns import InputError
+
+PACKAGE = Path(__file__).resolve().parent
+REPOSITORY = PACKAGE.parent
+# Files and free text: handed over as written, never parsed by Hydra's grammar (commas, =, spaces).
+VERBATIM = frozenset(
+    "record records_dir model train test out estimate to path results_dir reference only plugins "
+    "effects_path dbc report".split()
+)
+
+
+@dataclass(frozen=True)
+class Home:
+    """Where configs and studies are read from: the repository, or the installed package's copies."""
+
+    conf: Path
+    experiments: Path
+
+
+def home() -> Home:
+    if (REPOSITORY / "conf" / "sweep.yaml").is_file():
+        return Home(REPOSITORY / "conf", REPOSITORY / "experiments")
+    return Home(PACKAGE / "conf_files", PACKAGE / "experiment_files")
+
+
+@dataclass(frozen=True)
+class Plugins:
+    """Folders of the user's own options: `DIR/conf/...` and the packages in DIR, named explicitly."""
+
+    folders: tuple[Path, ...] = ()
+    packages: tuple[str, ...] = ()
+
+    @classmethod
+    def named(cls, text: str | None) -> Plugins:
+        """`text`: folders or installed packages, separated by commas. Raises InputError for what is neither."""
+        folders, packages = [], []
+        for name in filter(None, (text or "").split(",")):
+            folder, found = _plugin(name.strip())
+            folders.append(folder)
+            packages.extend(found)
+        return cls(tuple(folders), tuple(packages))
+
+
+def _plugin(name: str) -> tuple[Path, list[str]]:
+    folder = Path(name).expanduser()
+    if folder.is_dir():
+        folder = folder.resolve()
+        if str(folder) not in sys.path:
+            sys.path.insert(0, str(folder))
+        return folder, sorted(p.parent.name for p in folder.glob("*/__init__.py"))
+    spec = importlib.util.find_spec(name) if re.fullmatch(r"\w+", name) else None
+    if spec is None or not spec.submodule_search_locations:
+        raise InputError(f"plugins={name}: wanted a folder or an installed package; there is neither.")
+    return Path(spec.submodule_search_locations[0]), [name]
+
+
+def verbs() -> dict[str, tuple[str, str]]:
+    """verb -> (one line, example), from the first two comment lines of conf/<verb>.yaml."""
+    found = {}
+    for path in sorted(home().conf.glob("*.yaml")):
+        lines = [line[1:].strip() for line in path.read_text().splitlines() if line.startswith("#")]
+        if len(lines) >= 2:
+            found[path.stem] = (lines[0], lines[1])
+    return found
+
+
+def groups(plugins: Plugins = Plugins()) -> dict[str, list[str]]:
+    """group -> option names, over the suite's conf/ and those of the plugins."""
+    found: dict[str, set[str]] = {}
+    for root in (home().conf, *(f / "conf" for f in plugins.folders)):
+        for path in root.glob("*/**/*.yaml"):
+            relative = path.relative_to(root)
+            found.setdefault(relative.parts[0], set()).add(
+                relative.with_suffix("").as_posix().split("/", 1)[1]
+            )
+    return {group: sorted(options) for group, options in sorted(found.items())}
+
+
+def studies(plugins: Plugins = Plugins()) -> list[str]:
+    """Names that `experiment=` takes."""
+    roots = [home().experiments, *(f / "experiments" for f in plugins.folders)]
+    return sorted(p.relative_to(r).with_suffix("").as_posix() for r in roots for p in r.glob("**/*.yaml"))
+
+
+def split_plugins(overrides: Sequence[str]) -> tuple[list[str], Plugins]:
+    """Take `plugins=...` out of the overrides."""
+    texts = [o.split("=", 1)[1] for o in overrides if o.startswith("plugins=")]
+    return [o for o in overrides if not o.startswith("plugins=")], Plugins.named(",".join(texts))
+
+
+def compose(verb: str, overrides: Sequence[str] = (), plugins: Plugins = Plugins()) -> dict[str, Any]:
+    """The resolved config of a verb as plain dicts, lists, numbers and strings.
+
+    `choices` says which option each group has.
+    Raises InputError with Hydra's own words made into one message.
+    """
+    wanted = [_override(text, plugins) for text in overrides]
+    return _composed(verb, wanted, plugins)
+
+
+def option(group: str, name: str, plugins: Plugins = Plugins()) -> dict[str, Any]:
+    """The resolved node of one option of one group, e.g. option("method", "arx")."""
+    known = groups(plugins).get(group, [])
+    if name not in known:
+        raise InputError(f"{group}={name}: no such option. {group} has: {', '.join(known) or 'none'}.")
+    node = _composed(f"{group}/{name}", [], plugins)
+    for part in (group, *name.split("/")[:-1]):
+        node = node.get(part, node)
+    return {key: value for key, value in node.items() if key != "choices"}
+
+
+def _override(text: str, plugins: Plugins) -> str:
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise InputError(f"{text!r} is not an override; wanted KEY=VALUE, for instance noise.snr_db=15.")
+    if key == "experiment":
+        if value.removesuffix(".yaml") not in studies(plugins):
+            raise InputError(f"experiment={value}: no such study. There are: {', '.join(studies(plugins))}.")
+        return f"+experiments={value.removesuffix('.yaml')}"
+    if key.lstrip("+") in VERBATIM and value not in ("null", ""):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("${", "\\${")
+        return f'{key}="{escaped}"'
+    return text
+
+
+def _composed(name: str, overrides: Iterable[str], plugins: Plugins) -> dict[str, Any]:
+    from hydra import compose as hydra_compose
+    from hydra import initialize_config_dir
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf, open_dict
+    from omegaconf.errors import OmegaConfBaseException
+
+    where = home()
+    roots = [where.experiments.parent, *(f / "conf" for f in plugins.folders), *plugins.folders]
+    if where.experiments.name != "experiments":
+        overrides = [o.replace("+experiments=", f"+{where.experiments.name}=") for o in overrides]
+    searchpath = "hydra.searchpath=[" + ",".join(f'"file://{r}"' for r in roots) + "]"
+    try:
+        with initialize_config_dir(version_base="1.3", config_dir=str(where.conf)):
+            cfg = hydra_compose(name, overrides=[searchpath, *overrides], return_hydra_config=True)
+            choices = OmegaConf.to_container(cfg.hydra.runtime.choices)
+            with open_dict(cfg):
+                del cfg["hydra"]
+            plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    except (HydraException, OmegaConfBaseException) as problem:
+        raise InputError(_one_message(name, problem)) from None
+    assert isinstance(plain, dict) and isinstance(choices, dict)
+    own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
+    return {**plain, "choices": own}
+
+
+def _one_message(name: str, problem: Exception) -> str:
+    lines = [line.strip() for line in str(problem).splitlines() if line.strip()]
+    skipped = ("Config search path", "provider=", "set env", "full_key:", "object_type=", "To append")
+    words = " ".join(line for line in lines if not line.startswith(skipped))
+    words = re.sub(r"Available options in '([^']+)':", r"\1 has:", words)
+    missing = re.search(r"Missing mandatory value: (\S+)", words)
+    if missing:
+        return f"{name} needs {missing[1]}=...; see `sysid-bench {name} --help`."
+    return f"{name}: {words.rstrip('.')}. See `sysid-bench {name} --help`."

@@ -1,0 +1,1 @@
+"""Doors: one file per verb, `main(cfg) -> exit code`."""

@@ -1,0 +1,97 @@
+"""composed config -> Study: every option that axes and cases name, looked up once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from sysid_bench import conf
+from sysid_bench.nouns import InputError
+from sysid_bench.plan import Option, Study, with_knob
+
+GROUPS = ("plant", "excitation", "noise", "sampling", "source", "method", "analysis")
+
+
+def study_of(cfg: Mapping[str, Any], overrides: Mapping[str, Any] = {}) -> Study:
+    """The study that a composed sweep config describes.
+
+    `overrides`: dotted keys that the command line set; they hold for swept options too, where these have the
+    knob. Raises InputError for unknown options and knobs.
+    """
+    plugins = cfg.get("plugins") or conf.Plugins()
+    cfg = _at_scale(cfg)
+    base = {g: Option(cfg["choices"].get(g) or g, cfg[g]) for g in GROUPS if cfg.get(g) is not None}
+    points = [
+        *cfg["cases"],
+        *({key: value} for key, values in cfg["axes"].items() for value in _listed(key, values)),
+    ]
+    names = {(key, value) for point in points for key, value in point.items() if "." not in key}
+    options = {(g, name): _option(g, name, base, overrides, plugins) for g, name in sorted(names)}
+    study = cfg["study"]
+    return Study(
+        name=study["name"], question=study["question"], kind=study["kind"], repetitions=int(study["repetitions"]),
+        seed=int(study["seed"]), base=base, options=options, axes=cfg["axes"], cases=cfg["cases"],
+        only=_pairs(cfg.get("only")), packages=plugins.packages,
+    )  # fmt: skip
+
+
+def command_line_knobs(overrides: Iterable[str]) -> dict[str, Any]:
+    """`group.knob=value` among the words of a command line, values read as YAML."""
+    found = {}
+    for word in overrides:
+        key, _, value = word.partition("=")
+        if key.split(".")[0] in GROUPS and "." in key:
+            found[key] = yaml.safe_load(value)
+    return found
+
+
+def _listed(key: str, values: Any) -> Sequence[Any]:
+    if not isinstance(values, list):
+        raise InputError(f"axes.{key} must be a list; got {values!r}. One value is a list of one.")
+    return values
+
+
+def _option(
+    group: str, name: str, base: Mapping[str, Option], overrides: Mapping[str, Any], plugins: conf.Plugins
+) -> Option:
+    if group not in GROUPS:
+        raise InputError(f"{group!r} is not a group that a study can sweep; it can: {', '.join(GROUPS)}.")
+    if group in base and base[group].name == name:
+        return base[group]
+    option = Option(name, conf.option(group, name, plugins))
+    for key, value in overrides.items():
+        head, _, path = key.partition(".")
+        if head == group and path.split(".")[0] in option.node:
+            option = Option(name, with_knob(option, group, path, value))
+    return option
+
+
+def _at_scale(cfg: Mapping[str, Any]) -> dict[str, Any]:
+    """scale=full: the study's `full` keys replace the normal ones."""
+    scale = cfg.get("scale", "normal")
+    if scale not in ("normal", "full"):
+        raise InputError(f"scale must be normal or full; got {scale!r}.")
+    changed = {
+        **cfg,
+        "study": dict(cfg["study"]),
+        "axes": dict(cfg["axes"]),
+        "cases": list(cfg["cases"] or []),
+    }
+    for key, value in cfg["full"].items() if scale == "full" else ():
+        head, _, rest = key.partition(".")
+        if head not in ("study", "axes"):
+            raise InputError(f"full.{key}: only study.* and axes.* keys can change with the scale.")
+        changed[head][rest] = value
+    return changed
+
+
+def _pairs(text: str | None) -> dict[str, str]:
+    pairs = {}
+    for word in (text or "").split():
+        key, equals, value = word.partition("=")
+        if not equals:
+            raise InputError(f"only={text!r}: wanted words KEY=VALUE; got {word!r}.")
+        pairs[key] = value
+    return pairs
