@@ -110,11 +110,7 @@ def _identify_row(
         numbers = score(estimate, plant, acquired.record.h, bound)
     except Exception as problem:
         return _failed(task, cell, *_status_of(problem))
-    row = _labels(task, cell) | {
-        "nominal": method.nominal,
-        "status": estimate.status,
-        "reason": estimate.reason,
-    }
+    row = task.row(cell, nominal=method.nominal, status=estimate.status, reason=estimate.reason)
     row |= {"fit_s": estimate.seconds} | numbers
     return row | {f"diag.{name}": value for name, value in estimate.diagnostics.items() if np.isscalar(value)}
 
