@@ -69,7 +69,7 @@ def _dispatch(arguments: list[str]) -> int:
 
         print(yaml.safe_dump(cfg, sort_keys=False), end="")
         return DONE
-    cfg["plugins"] = plugins
+    cfg |= {"plugins": plugins, "words": rest}
     return importlib.import_module(f"sysid_bench.doors.{verb}").main(cfg)
 
 

@@ -1,0 +1,169 @@
+"""a sweep's config -> results/<study>/: rows, table, summary, figures, report."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import shutil
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sysid_bench import plan
+from sysid_bench.build import build
+from sysid_bench.nouns import STATUSES, Executor, InputError
+from sysid_bench.progress import watched
+from sysid_bench.run import Work
+from sysid_bench.store import Store
+from sysid_bench.studies import command_line_knobs, study_of
+from sysid_bench.table import read_table, summary, write_csv, write_table
+from sysid_bench.versions import origin
+
+FLUSH_S = 0.5
+FLUSH_ROWS = 200
+
+
+def main(cfg: dict[str, Any]) -> int:
+    """Run what is not yet done of a study, then write its table and views. 0 also where cells failed: a
+    failure is a row."""
+    words = cfg.get("words", [])
+    study = study_of(cfg, command_line_knobs(words))
+    folder = study_folder(Path(cfg["results_dir"]), study.name)
+    executor = build(cfg["executor"], study.packages)
+    work = Work(cfg["records"], str(folder / "records"))
+    retry = _statuses(cfg["retry"])
+    frozen = freeze(study, cfg, words, folder)
+    with Store(folder / "rows.sqlite") as store:
+        done = store.done(retry)
+        run_cells(study, store, executor, work, done, len(frozen.keys - done))
+        write_results(folder, store, frozen.order, study)
+    if cfg["views"]:
+        from sysid_bench.views.study import write_views
+
+        write_views(folder)
+    _say(folder)
+    return 0
+
+
+def study_folder(results: Path, name: str) -> Path:
+    """results/<name>, made; refuses a name that leaves the results folder."""
+    folder = (results / name).resolve()
+    if not name or not folder.is_relative_to(results.resolve()) or folder == results.resolve():
+        raise InputError(f"study.name must be a folder inside {results}; got {name!r}.")
+    (folder / "records").mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _statuses(text: str | None) -> list[str]:
+    words = [word for word in (text or "").split(",") if word]
+    for word in words:
+        if word not in STATUSES:
+            raise InputError(f"retry={text}: {word!r} is no status; there are {', '.join(STATUSES)}.")
+    return words
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """The plan's keys in order, as the manifest names them."""
+
+    order: tuple[str, ...]
+
+    @property
+    def keys(self) -> set[str]:
+        return set(self.order)
+
+
+def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], folder: Path) -> Frozen:
+    """Expand the grid once and write manifest.json; what the workers do was decided here."""
+    order = tuple(cell.key for task in plan.tasks(study) for cell in task.cells)
+    if not order:
+        raise InputError(f"no cell of {study.name} matches only={cfg.get('only')!r}.")
+    shown = {key: value for key, value in cfg.items() if key not in ("plugins", "words")}
+    manifest = {
+        "study": study.name,
+        "question": study.question,
+        "command": shlex.join(["sysid-bench", "sweep", *words]),
+        "cells": len(order),
+        "plan": plan.digest(order),
+        "config": shown,
+        "options": {f"{g}={name}": dict(o.node) for (g, name), o in study.options.items()},
+        "origin": origin(),
+    }
+    path = folder / "manifest.json"
+    _note_change(path, manifest)
+    part = path.with_name("manifest.json.part")
+    part.write_text(json.dumps(manifest, indent=1) + "\n")
+    part.replace(path)
+    return Frozen(order)
+
+
+def _note_change(path: Path, manifest: Mapping[str, Any]) -> None:
+    try:
+        before = json.loads(path.read_text())["plan"]
+    except (OSError, ValueError, KeyError):
+        return
+    if before != manifest["plan"]:
+        print(
+            f"{manifest['study']}: configs or code changed since the last run; cells that depend on it run again."
+        )
+
+
+def run_cells(
+    study: plan.Study, store: Store, executor: Executor, work: Work, done: set[str], count: int
+) -> None:
+    """Rows into the store as they come. Killed at any moment, what was stored stays."""
+    if not count:
+        return
+    left = (task.without(done) for task in plan.tasks(study))
+    with watched(study.name, count) as progress:
+        for rows in _flushed(executor.run(work, (task for task in left if task.cells)), progress):
+            store.add(rows)
+
+
+def _flushed(rows: Iterable[dict[str, Any]], progress: Any) -> Iterator[list[dict[str, Any]]]:
+    """Rows in batches of half a second: one transaction each. What is pending when the run stops is kept."""
+    pending: list[dict[str, Any]] = []
+    last = time.monotonic()
+    try:
+        for row in rows:
+            pending.append(row)
+            progress.advance(failures=row["status"] not in ("ok", "not_applicable"))
+            if len(pending) >= FLUSH_ROWS or time.monotonic() - last > FLUSH_S:
+                yield pending
+                pending, last = [], time.monotonic()
+    except KeyboardInterrupt:
+        yield pending
+        raise
+    yield pending
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """Rows of a store in plan order, iterable anew."""
+
+    store: Store
+    order: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return self.store.rows(self.order)
+
+
+def write_results(folder: Path, store: Store, order: tuple[str, ...], study: plan.Study) -> None:
+    """table.parquet and summary.csv of the cells of this plan, in its order whatever order they ran in."""
+    write_table(_Stored(store, order), folder / "table.parquet")
+    table = read_table(folder / "table.parquet")
+    axes = [*study.axes, *(key for case in study.cases for key in case)]
+    write_csv(summary(table, [key for key in axes if "." in key]), folder / "summary.csv")
+
+
+def _say(folder: Path) -> None:
+    statuses = Counter(read_table(folder / "table.parquet")["status"])
+    counts = ", ".join(f"{count} {status}" for status, count in statuses.most_common())
+    report = folder / "report.html"
+    print(f"{folder.name}: {counts}. {report if report.exists() else folder / 'summary.csv'}")
+    if shutil.disk_usage(folder).free < 100e6:
+        print(f"less than 100 MB are left on the disk of {folder}", file=sys.stderr)
