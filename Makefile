@@ -1,0 +1,62 @@
+# `make sweep` sets everything up and reproduces both papers; `make test` passes the tests.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+RESULTS ?= results
+SCALE  ?= normal
+PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_baysec_1997/*.yaml experiments/bruschetta_2011/*.yaml)))
+
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+
+.PHONY: setup sweep sweep-full papers smoke test check check-full lint types bench lock clean help
+
+help:
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
+
+setup: $(READY) ## the locked environment in .venv
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or later is needed; $(PYTHON) is older. Say PYTHON=python3.12 or the like."; exit 2; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "$(PYTHON) cannot make environments: install its venv module (Debian: apt-get install python3-venv)."; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+sweep: $(READY) ## both papers: every figure, table and claim (under 15 minutes)
+	@set -e; for study in $(PAPERS); do $(BIN)/sysid-bench sweep experiment=$$study results_dir=$(RESULTS) scale=$(SCALE); done
+	@$(BIN)/sysid-bench papers results_dir=$(RESULTS) out=$(RESULTS)/papers.md
+
+sweep-full: ## the same with 200 and 100 runs per point (under 90 minutes)
+	@$(MAKE) sweep SCALE=full RESULTS=$(RESULTS)/full
+
+papers: $(READY) ## docs/papers.md from the results of `make sweep`
+	$(BIN)/sysid-bench papers results_dir=$(RESULTS) out=docs/papers.md
+
+smoke: $(READY) ## all methods on all plants in about 20 s
+	$(BIN)/sysid-bench sweep experiment=smoke results_dir=$(RESULTS)
+
+test: $(READY) ## the tests and the exact regression check
+	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/sysid-bench check
+
+check: $(READY) ## statistical checks, minutes
+	$(BIN)/python -m pytest -m slow
+
+lint: $(READY) ## ruff
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY) ## pyright
+	$(BIN)/pyright sysid_bench
+
+bench: $(READY) ## every benchmark, ratios with medians
+	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file; done
+
+lock: ## requirements.lock from pyproject.toml: pinned, hashed, no addresses
+	$(BIN)/python -m uv --version >/dev/null 2>&1 || $(BIN)/python -m pip install --quiet uv
+	$(BIN)/python -m uv pip compile --quiet --universal --generate-hashes --no-header --extra dev pyproject.toml -o requirements.lock
+
+clean: ## the environment and all results but the reference
+	rm -rf $(VENV) build dist; find results -mindepth 1 -maxdepth 1 ! -name reference -exec rm -rf {} +
