@@ -1,0 +1,1 @@
+"""The mathematics that shelves share: matrices, holds, sensitivities, bounds."""
