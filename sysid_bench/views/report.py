@@ -1,0 +1,125 @@
+"""study -> report.html: question, command, figures, numbers, failures, configuration, origin; and the index of all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.views.html import data_uri, flat, render, write_page
+from sysid_bench.views.spec import study_figures
+from sysid_bench.views.study import Study, failed, read_study
+from sysid_bench.views.summary import ERRORS, Group, Number, failures, measured_columns, plain, summarise
+
+PX_PER_PT = 1.55  # 9 pt text of a figure is about as large as the page's
+
+
+def write_report(study: Study, figures: Sequence[Path]) -> Path:
+    """Write report.html of a study with the figures inlined; returns its path."""
+    columns = measured_columns(study)
+    page = render(
+        "study.html", name=study.name, question=study.manifest.get("question", ""), facts=facts(study),
+        command=command(study), images=[_image(study, p) for p in figures if p.suffix == ".svg"],
+        axes=study.axes, columns=[_heading(c) for c in columns], bounds=any(c in ERRORS for c in columns),
+        groups=[_group_words(g, columns) for g in summarise(study)],
+        failures=[(*f[:4], f"{f[4]:.0%}", f[5]) for f in failures(study)], config=config_text(study),
+        origin=flat(study.manifest.get("origin") or {}),
+    )  # fmt: skip
+    return write_page(study.folder / "report.html", page)
+
+
+def command(study: Study) -> str:
+    """The command line that makes the study again."""
+    return str(study.manifest.get("command") or f"sysid-bench sweep experiment={study.name}")
+
+
+def config_text(study: Study) -> str:
+    """Resolved configuration as yaml."""
+    import yaml
+
+    tree = {"config": dict(study.config), "options": study.manifest.get("options") or {}}
+    return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=110)
+
+
+def facts(study: Study) -> list[tuple[str, str]]:
+    """The few numbers at the head of the page: rows, repetitions, failures, time in fits."""
+    seconds = study.columns.get("fit_s", study.columns.get("seconds", np.zeros(0)))
+    rows = [(f"{study.rows}", "runs"), (f"{len(set(study.columns.get('method', [])))}", "methods")]
+    rows += (
+        [(f"{study.config['study']['repetitions']}", "repetitions per cell")]
+        if "repetitions" in study.config.get("study", {})
+        else []
+    )
+    lost = int(failed(study.columns).sum())
+    rows += [
+        (f"{lost}", "failed"),
+        (f"{(study.columns['status'] == 'not_applicable').sum()}", "not applicable"),
+    ]
+    return [*rows, (_duration(float(np.nansum(seconds))), "computing")]
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds < 120 else f"{seconds / 60:.1f} min"
+
+
+def _image(study: Study, path: Path) -> Mapping[str, str]:
+    spec = next((f for f in study_figures(study) if f.name == path.stem), None)
+    caption = spec.caption if spec else ""
+    return image(path, caption or (spec.title if spec else path.stem), caption)
+
+
+def image(path: Path, alt: str, caption: str = "") -> Mapping[str, str]:
+    """What the template's figure wants of an SVG file: the data, its natural width in px, words."""
+    points = re.search(r'width="([\d.]+)pt"', path.read_text()[:2000])
+    width = round(float(points[1]) * PX_PER_PT) if points else 800
+    return {"data": data_uri(path), "width": f"{width}", "alt": alt, "caption": caption}
+
+
+def _heading(column: str) -> str:
+    return f"{column.removesuffix('_error')} error (%)" if column in ERRORS else column
+
+
+def _group_words(group: Group, columns: Sequence[str]) -> Mapping[str, Any]:
+    words = f"{group.failures}" + (f" + {group.not_applicable} n/a" if group.not_applicable else "")
+    numbers = [_number_words(n, 100.0 if c in ERRORS else 1.0) for n, c in zip(group.numbers, columns)]
+    return {
+        "cells": [plain(v) for v in group.values], "runs": group.runs, "failures": group.failures,
+        "failed_words": words, "numbers": numbers, "seconds": _digits(group.seconds),
+    }  # fmt: skip
+
+
+def _number_words(number: Number, scale: float) -> Mapping[str, str]:
+    words = {key: _digits(scale * getattr(number, key)) for key in ("low", "median", "high", "rms")}
+    return words | {"over_bound": f"×{_digits(number.over_bound)}" if isfinite(number.over_bound) else ""}
+
+
+def _digits(value: float) -> str:
+    if not isfinite(value):
+        return "-"
+    if value == 0 or 1e-3 <= abs(value) < 1e5:
+        return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:.1e}"
+
+
+def write_index_page(results_dir: Path) -> Path:
+    """Write index.html of a results folder: a card per study with its first figure and its report."""
+    folders = sorted(
+        p.parent for p in results_dir.glob("**/manifest.json") if (p.parent / "table.parquet").is_file()
+    )
+    studies = [read_study(folder) for folder in folders]
+    cards = [_card(study, results_dir) for study in studies]
+    page = render("index.html", studies=cards, rows=sum(s.rows for s in studies))
+    return write_page(results_dir / "index.html", page)
+
+
+def _card(study: Study, results_dir: Path) -> Mapping[str, str]:
+    place = study.folder.relative_to(results_dir).as_posix()
+    pictures = [study.folder / "figures" / f"{spec.name}.png" for spec in study_figures(study)]
+    thumbnail = next((f"{place}/figures/{p.name}" for p in pictures if p.is_file()), "")
+    line = f"{study.rows} runs, {int(failed(study.columns).sum())} failed"
+    return {"name": study.name, "question": str(study.manifest.get("question", "")), "link": f"{place}/report.html",
+            "thumbnail": thumbnail, "line": line}  # fmt: skip
