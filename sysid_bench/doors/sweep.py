@@ -36,11 +36,11 @@ def main(cfg: dict[str, Any]) -> int:
     executor = build(cfg["executor"], study.packages)
     work = Work(cfg["records"], str(folder / "records"))
     retry = _statuses(cfg["retry"])
-    frozen = freeze(study, cfg, words, folder)
+    order = freeze(study, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
-        run_cells(study, store, executor, work, done, len(frozen.keys - done))
-        write_results(folder, store, frozen.order, study)
+        run_cells(study, store, executor, work, done, len(set(order) - done))
+        write_results(folder, store, order, study)
     if cfg["views"]:
         from sysid_bench.views.study import write_views
 
@@ -66,20 +66,14 @@ def _statuses(text: str | None) -> list[str]:
     return words
 
 
-@dataclass(frozen=True)
-class Frozen:
-    """The plan's keys in order, as the manifest names them."""
-
-    order: tuple[str, ...]
-
-    @property
-    def keys(self) -> set[str]:
-        return set(self.order)
+def order_of(study: plan.Study) -> tuple[str, ...]:
+    """Keys of all cells, in the order of the grid."""
+    return tuple(cell.key for task in plan.tasks(study) for cell in task.cells)
 
 
-def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], folder: Path) -> Frozen:
-    """Expand the grid once and write manifest.json; what the workers do was decided here."""
-    order = tuple(cell.key for task in plan.tasks(study) for cell in task.cells)
+def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], folder: Path) -> tuple[str, ...]:
+    """Expand the grid once and write manifest.json; what the workers do was decided here. Returns the keys."""
+    order = order_of(study)
     if not order:
         raise InputError(f"no cell of {study.name} matches only={cfg.get('only')!r}.")
     shown = {key: value for key, value in cfg.items() if key not in ("plugins", "words")}
@@ -98,7 +92,7 @@ def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], fold
     part = path.with_name("manifest.json.part")
     part.write_text(json.dumps(manifest, indent=1) + "\n")
     part.replace(path)
-    return Frozen(order)
+    return order
 
 
 def _note_change(path: Path, manifest: Mapping[str, Any]) -> None:
