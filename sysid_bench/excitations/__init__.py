@@ -1,0 +1,1 @@
+"""Excitations: seeded input signals that know how they run between samples."""

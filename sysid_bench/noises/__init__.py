@@ -1,0 +1,1 @@
+"""Noises: what a measurement adds to, or does to, the noise-free output."""
