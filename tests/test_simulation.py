@@ -7,7 +7,13 @@ from test_second_order import plant
 
 from sysid_bench.excitations.cubic_noise import CubicNoise
 from sysid_bench.mechanics.holds import propagate
-from sysid_bench.mechanics.simulate import continuous, equilibrium, simulate, simulate_hidden_step, steps_within
+from sysid_bench.mechanics.simulate import (
+    continuous,
+    equilibrium,
+    simulate,
+    simulate_hidden_step,
+    steps_within,
+)
 from sysid_bench.noises.white import White
 from sysid_bench.nouns import InputError, Plant, Sampling, Signal
 from sysid_bench.sources.simulation import Simulation
