@@ -14,7 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..nouns import InputError
+from sysid_bench.nouns import InputError
 
 MAX_TEXT_BYTES = 64 * 2**20
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..files.disk import existing_file
-from ..nouns import InputError, Record
+from sysid_bench.files.disk import existing_file
+from sysid_bench.nouns import InputError, Record
 
 SUFFIXES = (".mcap", ".csv", ".parquet")
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..nouns import UNIFORM_STEP_RTOL, Array, InputError, Record
+from sysid_bench.nouns import UNIFORM_STEP_RTOL, Array, InputError, Record
 
 MAX_COLUMNS = 1024
 MAX_VALUES = 500_000_000  # 4 GB of float64: what one record may take in memory

@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pacsv
 
-from ..files.disk import atomic_write, sha256
-from ..nouns import InputError, Record
-from .columns import MAX_VALUES, WANTED, Place, channels, columns_of, record_from_columns
+from sysid_bench.files.disk import atomic_write, sha256
+from sysid_bench.nouns import InputError, Record
+from sysid_bench.records.columns import MAX_VALUES, WANTED, Place, channels, columns_of, record_from_columns
 
 MAX_HEADER_BYTES = 64 * 1024
 MAX_LINE_BYTES = 1024 * 1024

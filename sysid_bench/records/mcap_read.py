@@ -19,12 +19,12 @@ from mcap import records as mcap_records
 from mcap.exceptions import McapError
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
-from ..files.disk import sha256
-from ..nouns import InputError, Record
-from .columns import MAX_VALUES, Place, record_from_columns
-from .mcap_write import METADATA, ORIGIN, TOPIC
-from .properties import properties_from
-from .protobuf import class_from_schema
+from sysid_bench.files.disk import sha256
+from sysid_bench.nouns import InputError, Record
+from sysid_bench.records.columns import MAX_VALUES, Place, record_from_columns
+from sysid_bench.records.mcap_write import METADATA, ORIGIN, TOPIC
+from sysid_bench.records.properties import properties_from
+from sysid_bench.records.protobuf import class_from_schema
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_CHUNK_BYTES = 256 * 2**20

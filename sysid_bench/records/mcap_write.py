@@ -16,11 +16,11 @@ import numpy as np
 from google.protobuf.message import Message
 from mcap.writer import Writer
 
-from ..files.disk import atomic_write, json_text, plain
-from ..nouns import Record
-from .columns import columns_of
-from .properties import properties_of
-from .protobuf import message_class, schema_data
+from sysid_bench.files.disk import atomic_write, json_text, plain
+from sysid_bench.nouns import Record
+from sysid_bench.records.columns import columns_of
+from sysid_bench.records.properties import properties_of
+from sysid_bench.records.protobuf import message_class, schema_data
 
 TOPIC = "/record"
 METADATA = "sysid_bench.record"

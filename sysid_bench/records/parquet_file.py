@@ -10,20 +10,24 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..files.disk import atomic_write, plain, sha256
-from ..nouns import InputError, Record
-from .columns import Place, channels, check_size, columns_of, record_from_columns
-from .properties import properties_from, properties_of
+from sysid_bench.files.disk import atomic_write, plain, sha256
+from sysid_bench.nouns import InputError, Record
+from sysid_bench.records.columns import Place, channels, check_size, columns_of, record_from_columns
+from sysid_bench.records.properties import properties_from, properties_of
 
 KEY = b"sysid_bench.record"
-_LIMITS = {"thrift_string_size_limit": 64 * 2**20, "thrift_container_size_limit": 2**20}
+_READING = {
+    "page_checksum_verification": True,
+    "thrift_string_size_limit": 64 * 2**20,
+    "thrift_container_size_limit": 2**20,
+}
 
 
 def read(path: Path) -> Record:
     """Record of a Parquet file. Raises InputError as the CSV reader does."""
     place = Place(str(path), lambda k: f"row {k}")
     try:
-        with pq.ParquetFile(path, **_LIMITS) as file:
+        with pq.ParquetFile(path, **_READING) as file:
             columns, stored = _columns(file, place), (file.schema_arrow.metadata or {}).get(KEY, b"{}")
     except (pa.ArrowException, OSError, ValueError, MemoryError) as problem:
         if isinstance(problem, InputError):
@@ -42,7 +46,12 @@ def write(record: Record, path: Path) -> None:
     table = pa.table({name: np.asarray(values) for name, values in columns_of(record).items()})
     properties = json.dumps(plain({**properties_of(record), "origin": record.origin}), allow_nan=False)
     with atomic_write(path) as file:
-        pq.write_table(table.replace_schema_metadata({KEY: properties.encode()}), file, compression="zstd")
+        pq.write_table(
+            table.replace_schema_metadata({KEY: properties.encode()}),
+            file,
+            compression="zstd",
+            write_page_checksum=True,
+        )
 
 
 def _columns(file: pq.ParquetFile, place: Place) -> dict[str, np.ndarray]:

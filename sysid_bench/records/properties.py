@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..nouns import HOLDS, Record
-from .columns import Place
+from sysid_bench.nouns import HOLDS, Record
+from sysid_bench.records.columns import Place
 
 
 def properties_of(record: Record) -> dict[str, Any]:
