@@ -30,7 +30,12 @@ STUDY = [
 def sysid_bench(*words: str, cwd: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run(
-        [sys.executable, "-m", "sysid_bench", *words], cwd=cwd, env=env, capture_output=True, text=True, timeout=300
+        [sys.executable, "-m", "sysid_bench", *words],
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=300,
     )
     assert not check or done.returncode == 0, done.stdout + done.stderr
     return done
@@ -85,7 +90,9 @@ def test_killed_at_any_moment_it_goes_on_and_ends_in_the_same_table(
 ) -> None:
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     words = [sys.executable, "-m", "sysid_bench", "sweep", *STUDY]
-    process = subprocess.Popen(words, cwd=tmp_path, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        words, cwd=tmp_path, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     time.sleep(wait_s)
     process.send_signal(signal.SIGKILL)
     process.wait()
@@ -135,7 +142,9 @@ def test_a_method_of_ones_own_is_one_file_and_one_yaml(tmp_path: Path) -> None:
         "check_option('method', 'guess', Plugins.named('mine'))"
     )
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    done = subprocess.run([sys.executable, "-c", check], cwd=tmp_path, env=env, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", check], cwd=tmp_path, env=env, capture_output=True, text=True
+    )
     assert "far off on noise-free data" in done.stderr, "the contract tests must catch a method that guesses"
     refused = sysid_bench("sweep", *words, "method=guess", cwd=tmp_path, check=False)
     assert refused.returncode == 2 and "guess" in refused.stderr
