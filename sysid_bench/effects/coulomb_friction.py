@@ -1,0 +1,31 @@
+"""Dry friction of constant size. Steps at v = 0, sticks below its force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob
+
+
+@dataclass(frozen=True)
+class CoulombFriction(Effect):
+    """force * sign(v); the sign is smoothed over `speed`"""
+
+    name: ClassVar[str] = "coulomb_friction"
+    equation: ClassVar[str] = "force * sign(v)"
+    reveals: ClassVar[str] = "two speeds or amplitudes, with reversals"
+    knobs: ClassVar[dict[str, Knob]] = {
+        "force": Knob("N", POSITIVE),
+        "speed": Knob("m/s", NOT_NEGATIVE),
+    }
+
+    dof: int | tuple[int, int] | None = 0
+    force: float = 1.0
+    speed: float = 0.0
+
+    def law(self, at: At, p):
+        sticking = 1e-3 * at.mobility * p.force
+        return p.force * ca.tanh(at.v / (p.speed + sticking)), []

@@ -1,0 +1,155 @@
+"""What every effect is: a name, a place, parameters with unit and admissible range, and its law.
+
+An effect file holds one frozen dataclass: its fields are `dof` and its parameters, plain numbers with defaults.
+    path "force"     a force on one DOF, or between two: law(at, p) -> (force, next states), a CasADi expression.
+                     The equation of motion is  M q'' + D q' + K q + c force = L u,  x = c' q,  v = c' q'
+    path "structure" changes M, D, K themselves: augment(M, D, K, c) -> M, D, K (may add hidden DOFs)
+    path "actuator"  act(stages, h, memory) -> (stages, memory): what the input becomes on its way
+    path "sensor", "timing"   sense(y, t) -> y: what the measurement becomes on its way
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from sysid_bench.nouns import Array, InputError
+
+Path = Literal["force", "structure", "actuator", "sensor", "timing"]
+ANY, POSITIVE, NOT_NEGATIVE = (-np.inf, np.inf), (1e-300, np.inf), (0.0, np.inf)
+# Inputs of a law, before its states and parameters; see At.
+HEAD = ("x", "v", "t", "h", "x_before", "mobility")
+
+
+@dataclass(frozen=True)
+class At:
+    """What a law sees at the end of one small step of h seconds, all scalars (CasADi symbols).
+
+    x, v      displacement and velocity of the place, m and m/s; x_before: x at the start of the step
+    t         time, s
+    mobility  velocity that a force of 1 N at the place gains in this step, m/(s N)
+    z         internal states at the start of the step
+    """
+
+    x: Any
+    v: Any
+    t: Any
+    h: Any
+    x_before: Any
+    mobility: Any
+    z: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Knob:
+    """Declares a parameter of an effect: its unit and what values nature allows."""
+
+    unit: str
+    range: tuple[float, float] = ANY
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Base of all effects; subclasses are frozen dataclasses whose fields are dof and the parameters."""
+
+    name: ClassVar[str] = ""
+    path: ClassVar[Path] = "force"
+    knobs: ClassVar[dict[str, Knob]] = {}
+    states: ClassVar[int] = 0
+    equation: ClassVar[str] = ""
+    reveals: ClassVar[str] = ""  # the excitation that shows it
+
+    dof: int | tuple[int, int] | None = 0
+
+    def __post_init__(self) -> None:
+        dof = self.dof
+        if isinstance(dof, (list, tuple)):
+            if len(dof) != 2 or dof[0] == dof[1]:
+                raise InputError(f"{self.name}.dof must be one DOF or two different ones; got {list(dof)}.")
+            object.__setattr__(self, "dof", (int(dof[0]), int(dof[1])))
+        for key, knob in self.knobs.items():
+            value, (low, high) = getattr(self, key), knob.range
+            if isinstance(value, str):
+                continue
+            if not (np.isfinite(value) and low <= value <= high):
+                raise InputError(
+                    f"{self.name}.{key} must lie in [{low:g}, {high:g}] {knob.unit}; got {value!r}."
+                )
+
+    @property
+    def values(self) -> Array:
+        """(np,) numeric parameters in the order of `knobs`."""
+        return np.array([float(getattr(self, key)) for key in self.numeric])
+
+    @property
+    def numeric(self) -> tuple[str, ...]:
+        """Names of the parameters that are numbers."""
+        return tuple(key for key in self.knobs if not isinstance(getattr(self, key), str))
+
+    def with_values(self, values: Array) -> Effect:
+        """The same effect with other numbers, moved into their admissible ranges."""
+        kept = {}
+        for key, value in zip(self.numeric, values):
+            low, high = self.knobs[key].range
+            kept[key] = float(min(max(value, low), high))
+        return dataclasses.replace(self, **kept)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entry of a model file: name, dof, parameters with value and unit."""
+        parameters = {key: {"value": getattr(self, key), "unit": k.unit} for key, k in self.knobs.items()}
+        dof = list(self.dof) if isinstance(self.dof, tuple) else self.dof
+        return {"name": self.name, "dof": dof, "parameters": parameters}
+
+    def at_rest(self, x: float) -> list[float]:
+        """Internal states when the place rests at x."""
+        return [0.0] * self.states
+
+    def law(self, at: At, p: SimpleNamespace) -> tuple[Any, list[Any]]:
+        """Force and next states, CasADi expressions. p holds the parameters by name."""
+        raise NotImplementedError(f"{self.name} has no force law (path {self.path}).")
+
+
+def direction(dof: int | tuple[int, int] | None, n: int) -> Array:
+    """c (n,): x = c' q is the motion at the place. Raises InputError outside 0..n-1."""
+    ends = (0,) if dof is None and n == 1 else (dof if isinstance(dof, tuple) else (dof,))
+    if any(not isinstance(i, (int, np.integer)) or not 0 <= i < n for i in ends):
+        raise InputError(
+            f"an effect's dof must lie in 0..{n - 1} (counted from 0) or be a pair; got {dof!r}."
+        )
+    c = np.zeros(n)
+    c[ends[0]] = 1.0
+    if len(ends) == 2:
+        c[ends[1]] = -1.0
+    return c
+
+
+@lru_cache(maxsize=256)
+def _tapes(kind: type[Effect], layout: tuple[str, ...]):
+    import casadi as ca
+
+    from sysid_bench.mechanics.tape import tape
+
+    nz = kind.states
+    symbols = ca.SX.sym("in", len(HEAD) + nz + len(layout))
+    parts = ca.vertsplit(symbols)
+    at = At(*parts[: len(HEAD)], z=tuple(parts[len(HEAD) : len(HEAD) + nz]))
+    p = SimpleNamespace(**dict(zip(layout, parts[len(HEAD) + nz :])))
+    force, following = kind().law(at, p)
+    if len(following) != nz:
+        raise InputError(f"{kind.name}.law must return {nz} next state(s); it returned {len(following)}.")
+    force = ca.SX(force)
+    slopes = ca.densify(ca.jacobian(force, ca.vertcat(at.x, at.v))).T
+    value = ca.Function("law", [symbols], [ca.densify(ca.vertcat(force, slopes, *following))])
+    rows = ca.vertcat(force, *following)
+    jacobian = ca.densify(ca.jacobian(rows, symbols))
+    return tape(value), tape(ca.Function("slopes", [symbols], [ca.reshape(jacobian.T, -1, 1)]))
+
+
+def law_tapes(effect: Effect):
+    """(law, slopes) of a force effect: outputs [f, df/dx, df/dv, z...] and the Jacobian of [f, z...], row by row."""
+    return _tapes(type(effect), effect.numeric)

@@ -1,0 +1,284 @@
+"""linear plant + local forces -> trajectory and its derivatives: the compiled loops of nonlinear.py.
+
+The linear part is propagated exactly (matrix exponential); each effect's force runs linearly inside a small
+step and its end value is solved for implicitly, so stiff contacts and friction that sticks stay stable:
+    x1 = Ad x0 + w - sum_e (G0_e f_e(t0) + G1_e f_e(t1)),   f_e(t1) = law_e(c_e' q1, c_e' q1', z, ...)
+"""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+
+from sysid_bench.mechanics.tape import play
+
+HEAD = 6
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _evaluate(e, tape, given, p, pz, z, work, result):
+    """Law of effect e at given[0:6]; fills the rest of `given` from states and parameters."""
+    operations, constants, starts = tape
+    m = HEAD
+    for i in range(pz[e, 2], pz[e, 3]):
+        given[m] = z[i]
+        m += 1
+    for i in range(pz[e, 0], pz[e, 1]):
+        given[m] = p[i]
+        m += 1
+    play(operations, constants, starts[e], starts[e + 1], given, work, result)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _solve_force(e, xa, va, hx, hv, f, tape, given, p, pz, z, work, result):
+    """f = law(xa - hx f, va - hv f): Newton, kept inside the bracket of the sign changes seen."""
+    low, high = -np.inf, np.inf
+    for _ in range(60):
+        given[0] = xa - hx * f
+        given[1] = va - hv * f
+        _evaluate(e, tape, given, p, pz, z, work, result)
+        r = result[0] - f
+        if abs(r) <= 1e-11 * abs(f) + 1e-300:
+            break
+        if r > 0:
+            low = f
+        else:
+            high = f
+        slope = 1.0 + result[1] * hx + result[2] * hv
+        step = r / slope if slope > 1e-6 else r
+        following = f + step
+        if not (low < following < high):
+            if low > -np.inf and high < np.inf:
+                following = 0.5 * (low + high)
+            elif not (slope > 1e-6):
+                following = f + r
+        if abs(following - f) <= 1e-13 * (abs(f) + abs(following)):
+            f = following
+            break
+        f = following
+    return f
+
+
+@nb.njit(cache=True, error_model="numpy")
+def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
+    """Fills X (S+1, nx), F (S+1, ne), Z (S+1, nz). Returns the number of steps done (S unless it blew up)."""
+    S, nx = W.shape
+    ne, n = C.shape
+    HX, HV = np.zeros((ne, ne)), np.zeros((ne, ne))
+    for e in range(ne):
+        for d in range(ne):
+            for i in range(n):
+                HX[e, d] += C[e, i] * G1[d, i]
+                HV[e, d] += C[e, i] * G1[d, n + i]
+    given = np.zeros(HEAD + len(p) + Z.shape[1])
+    work, result = np.zeros(nwork), np.zeros(nresult)
+    X[0] = x0
+    Z[0] = z0
+    xa, va, xb = np.zeros(ne), np.zeros(ne), np.zeros(ne)
+    f = np.zeros(ne)
+    for e in range(ne):
+        x = v = 0.0
+        for i in range(n):
+            x += C[e, i] * x0[i]
+            v += C[e, i] * x0[n + i]
+        given[0], given[1], given[2], given[3], given[4], given[5] = x, v, t0, h, x, HV[e, e]
+        _evaluate(e, tape, given, p, pz, Z[0], work, result)
+        f[e] = result[0]
+        F[0, e] = f[e]
+    for k in range(S):
+        for i in range(nx):
+            s = W[k, i]
+            for j in range(nx):
+                s += Ad[i, j] * X[k, j]
+            for e in range(ne):
+                s -= G0[e, i] * F[k, e]
+            X[k + 1, i] = s
+        for e in range(ne):
+            xa[e] = va[e] = xb[e] = 0.0
+            for i in range(n):
+                xa[e] += C[e, i] * X[k + 1, i]
+                va[e] += C[e, i] * X[k + 1, n + i]
+                xb[e] += C[e, i] * X[k, i]
+        for _ in range(50):
+            change = size = 0.0
+            for e in range(ne):
+                ax, av = xa[e], va[e]
+                for d in range(ne):
+                    if d != e:
+                        ax -= HX[e, d] * f[d]
+                        av -= HV[e, d] * f[d]
+                given[2], given[3], given[4], given[5] = t0 + (k + 1) * h, h, xb[e], HV[e, e]
+                new = _solve_force(
+                    e, ax, av, HX[e, e], HV[e, e], f[e], tape, given, p, pz, Z[k], work, result
+                )
+                change = max(change, abs(new - f[e]))
+                size = max(size, abs(new))
+                f[e] = new
+                for i in range(pz[e, 3] - pz[e, 2]):
+                    Z[k + 1, pz[e, 2] + i] = result[3 + i]
+            if ne < 2 or change <= 1e-10 * size:
+                break
+        fine = True
+        for e in range(ne):
+            F[k + 1, e] = f[e]
+            for i in range(nx):
+                X[k + 1, i] -= G1[e, i] * f[e]
+        for i in range(nx):
+            if not abs(X[k + 1, i]) < 1e100:
+                fine = False
+        if not fine:
+            X[k + 1 :] = np.nan
+            return k
+    return S
+
+
+@nb.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
+def tangents(
+    Ad, G0, G1, Bs, Be, C, X, F, Z, A, tape, p, pz, nwork, nresult, t0, h, kind, row, column, dx0, keep, out
+):
+    """Derivatives of the trajectory of `run`, all parameters at once.
+
+    Parameter j is an entry of the mass (kind 0), damping (1), stiffness (2) at row, column; number `row` of
+    the effects' parameters (3); or state `row` at the first sample (4), whose first value is dx0. A (S, 2, n): acceleration
+    at the start and end of each step. out (N, ny, P) = keep (ny, nx) times the derivative, each `nsub` steps.
+    """
+    S = X.shape[0] - 1
+    nx, n, ne, nz, P = X.shape[1], C.shape[1], C.shape[0], Z.shape[1], len(kind)
+    N, ny = out.shape[0], out.shape[1]
+    nsub = S // (N - 1)
+    HX, HV = np.zeros((ne, ne)), np.zeros((ne, ne))
+    for e in range(ne):
+        for d in range(ne):
+            for i in range(n):
+                HX[e, d] += C[e, i] * G1[d, i]
+                HV[e, d] += C[e, i] * G1[d, n + i]
+    given = np.zeros(HEAD + len(p) + nz)
+    work, result = np.zeros(nwork), np.zeros(nresult)
+    dX, dN = np.zeros((nx, P)), np.zeros((nx, P))
+    dF, dF1, dZ = np.zeros((ne, P)), np.zeros((ne, P)), np.zeros((nz, P))
+    dZ1 = np.zeros((nz, P))
+    xb, xn, vn = np.zeros((ne, P)), np.zeros((ne, P)), np.zeros((ne, P))
+    jac = np.zeros((ne, nresult))
+    system = np.zeros((ne, ne))
+    for j in range(P):
+        if kind[j] == 4:
+            dX[row[j], j] = dx0
+    for k in range(S + 1):
+        if k % nsub == 0:
+            for c in range(ny):
+                for j in range(P):
+                    s = 0.0
+                    for i in range(nx):
+                        s += keep[c, i] * dX[i, j]
+                    out[k // nsub, c, j] = s
+        if k == S:
+            break
+        dN[:] = 0.0
+        for i in range(nx):
+            for m in range(nx):
+                w = Ad[i, m]
+                for j in range(P):
+                    dN[i, j] += w * dX[m, j]
+            for e in range(ne):
+                w = G0[e, i]
+                for j in range(P):
+                    dN[i, j] -= w * dF[e, j]
+        for j in range(P):
+            if kind[j] < 3:
+                r, c = row[j], column[j]
+                if kind[j] == 0:
+                    s0, s1, u0, u1 = A[k, 0, c], A[k, 1, c], A[k, 0, r], A[k, 1, r]
+                elif kind[j] == 1:
+                    s0, s1, u0, u1 = X[k, n + c], X[k + 1, n + c], X[k, n + r], X[k + 1, n + r]
+                else:
+                    s0, s1, u0, u1 = X[k, c], X[k + 1, c], X[k, r], X[k + 1, r]
+                for i in range(nx):
+                    dN[i, j] -= Bs[i, r] * s0 + Be[i, r] * s1
+                if r != c:
+                    for i in range(nx):
+                        dN[i, j] -= Bs[i, c] * u0 + Be[i, c] * u1
+        for e in range(ne):
+            x = v = b = 0.0
+            for i in range(n):
+                x += C[e, i] * X[k + 1, i]
+                v += C[e, i] * X[k + 1, n + i]
+                b += C[e, i] * X[k, i]
+            given[0], given[1], given[2], given[3], given[4], given[5] = (
+                x,
+                v,
+                t0 + (k + 1) * h,
+                h,
+                b,
+                HV[e, e],
+            )
+            _evaluate(e, tape, given, p, pz, Z[k], work, result)
+            jac[e] = result
+            for j in range(P):
+                xb[e, j] = xn[e, j] = vn[e, j] = 0.0
+            for i in range(n):
+                w = C[e, i]
+                if w != 0.0:
+                    for j in range(P):
+                        xb[e, j] += w * dX[i, j]
+                        xn[e, j] += w * dN[i, j]
+                        vn[e, j] += w * dN[n + i, j]
+            z_first, z_count = pz[e, 2], pz[e, 3] - pz[e, 2]
+            for j in range(P):
+                s = jac[e, 0] * xn[e, j] + jac[e, 1] * vn[e, j] + jac[e, 4] * xb[e, j]
+                for i in range(z_count):
+                    s += jac[e, HEAD + i] * dZ[z_first + i, j]
+                if kind[j] == 3 and pz[e, 0] <= row[j] < pz[e, 1]:
+                    s += jac[e, HEAD + z_count + row[j] - pz[e, 0]]
+                dF1[e, j] = s
+        # (I + Jx HX + Jv HV) dF1 = right-hand side, by elimination without pivots (diagonally dominant)
+        for e in range(ne):
+            for d in range(ne):
+                system[e, d] = jac[e, 0] * HX[e, d] + jac[e, 1] * HV[e, d]
+            system[e, e] += 1.0
+        for e in range(ne):
+            for d in range(e + 1, ne):
+                w = system[d, e] / system[e, e]
+                for i in range(e, ne):
+                    system[d, i] -= w * system[e, i]
+                for j in range(P):
+                    dF1[d, j] -= w * dF1[e, j]
+        for e in range(ne - 1, -1, -1):
+            for d in range(e + 1, ne):
+                for j in range(P):
+                    dF1[e, j] -= system[e, d] * dF1[d, j]
+            w = 1.0 / system[e, e]
+            for j in range(P):
+                dF1[e, j] *= w
+        for e in range(ne):
+            for i in range(nx):
+                w = G1[e, i]
+                for j in range(P):
+                    dN[i, j] -= w * dF1[e, j]
+        for e in range(ne):
+            z_first, z_count = pz[e, 2], pz[e, 3] - pz[e, 2]
+            if z_count == 0:
+                continue
+            width = HEAD + z_count + pz[e, 1] - pz[e, 0]
+            for i in range(z_count):
+                base = (1 + i) * width
+                for j in range(P):
+                    x = xn[e, j]
+                    v = vn[e, j]
+                    for d in range(ne):
+                        x -= HX[e, d] * dF1[d, j]
+                        v -= HV[e, d] * dF1[d, j]
+                    s = jac[e, base] * x + jac[e, base + 1] * v + jac[e, base + 4] * xb[e, j]
+                    for m in range(z_count):
+                        s += jac[e, base + HEAD + m] * dZ[z_first + m, j]
+                    if kind[j] == 3 and pz[e, 0] <= row[j] < pz[e, 1]:
+                        s += jac[e, base + HEAD + z_count + row[j] - pz[e, 0]]
+                    dZ1[z_first + i, j] = s
+        for i in range(nz):
+            for j in range(P):
+                dZ[i, j] = dZ1[i, j]
+        for e in range(ne):
+            for j in range(P):
+                dF[e, j] = dF1[e, j]
+        for i in range(nx):
+            for j in range(P):
+                dX[i, j] = dN[i, j]
