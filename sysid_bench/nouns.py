@@ -378,13 +378,21 @@ class Source(Protocol):
 
 
 class Effect(Protocol):
-    """One term of the equation of motion, of the actuator path or of the sensor path (see effects/)."""
+    """One term of the equation of motion, of the actuator path or of the sensor path.
 
-    @property
-    def name(self) -> str: ...
+    The base class of all is mechanics.effect.Effect; `effects.effect(name, dof, parameters)` makes one.
+    dof: 0-based degree of freedom, a pair (i, j) for something between two (x = q_i - q_j), None: everywhere.
+    """
+
+    name: str
+    path: str  # force, structure, actuator, sensor or timing
 
     @property
     def dof(self) -> int | tuple[int, int] | None: ...
+
+    def as_dict(self) -> dict[str, Any]:
+        """Entry of a model file: {"name", "dof", "parameters": {name: {"value", "unit"}}}."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

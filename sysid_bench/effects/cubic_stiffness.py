@@ -23,4 +23,4 @@ class CubicStiffness(Effect):
     stiffness: float = 1.0
 
     def law(self, at: At, p):
-        return p.stiffness * at.x**3, []
+        return p.stiffness * at.x * at.x * at.x, []

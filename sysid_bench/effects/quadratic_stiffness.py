@@ -23,4 +23,4 @@ class QuadraticStiffness(Effect):
     stiffness: float = 1.0
 
     def law(self, at: At, p):
-        return p.stiffness * at.x**2, []
+        return p.stiffness * at.x * at.x, []

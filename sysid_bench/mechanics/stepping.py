@@ -33,12 +33,13 @@ def _evaluate(e, tape, given, p, pz, z, work, result):
 def _solve_force(e, xa, va, hx, hv, f, tape, given, p, pz, z, work, result):
     """f = law(xa - hx f, va - hv f): Newton, kept inside the bracket of the sign changes seen."""
     low, high = -np.inf, np.inf
+    kink = False
     for _ in range(60):
         given[0] = xa - hx * f
         given[1] = va - hv * f
         _evaluate(e, tape, given, p, pz, z, work, result)
         r = result[0] - f
-        if abs(r) <= 1e-11 * abs(f) + 1e-300:
+        if abs(r) <= 1e-9 * abs(f) + 1e-300:
             break
         if r > 0:
             low = f
@@ -48,7 +49,10 @@ def _solve_force(e, xa, va, hx, hv, f, tape, given, p, pz, z, work, result):
         step = r / slope if slope > 1e-6 else r
         following = f + step
         if not (low < following < high):
-            if low > -np.inf and high < np.inf:
+            if not kink and hv > 0.0 and low < va / hv < high:
+                following = va / hv  # where v = 0: friction that sticks has its root next to it
+                kink = True
+            elif low > -np.inf and high < np.inf:
                 following = 0.5 * (low + high)
             elif not (slope > 1e-6):
                 following = f + r
@@ -116,7 +120,7 @@ def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
                 f[e] = new
                 for i in range(pz[e, 3] - pz[e, 2]):
                     Z[k + 1, pz[e, 2] + i] = result[3 + i]
-            if ne < 2 or change <= 1e-10 * size:
+            if ne < 2 or change <= 1e-8 * size:
                 break
         fine = True
         for e in range(ne):
@@ -134,13 +138,36 @@ def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
 
 @nb.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def tangents(
-    Ad, G0, G1, Bs, Be, C, X, F, Z, A, tape, p, pz, nwork, nresult, t0, h, kind, row, column, dx0, keep, out
+    Ad,
+    G0,
+    G1,
+    Bs,
+    Be,
+    C,
+    X,
+    F,
+    Z,
+    A,
+    tape,
+    p,
+    pz,
+    nwork,
+    nresult,
+    t0,
+    h,
+    kind,
+    row,
+    column,
+    follows,
+    keep,
+    out,
 ):
     """Derivatives of the trajectory of `run`, all parameters at once.
 
     Parameter j is an entry of the mass (kind 0), damping (1), stiffness (2) at row, column; number `row` of
-    the effects' parameters (3); or state `row` at the first sample (4), whose first value is dx0. A (S, 2, n): acceleration
-    at the start and end of each step. out (N, ny, P) = keep (ny, nx) times the derivative, each `nsub` steps.
+    the effects' parameters (3); or state `row` at the first sample (4), which
+    the internal states follow by `follows` (nz,) times the place's displacement. A (S, 2, n): acceleration at
+    the start and end of each step. out (N, ny, P) = keep (ny, nx) times the derivative, each `nsub` steps.
     """
     S = X.shape[0] - 1
     nx, n, ne, nz, P = X.shape[1], C.shape[1], C.shape[0], Z.shape[1], len(kind)
@@ -162,7 +189,11 @@ def tangents(
     system = np.zeros((ne, ne))
     for j in range(P):
         if kind[j] == 4:
-            dX[row[j], j] = dx0
+            dX[row[j], j] = 1.0
+            if row[j] < n:
+                for e in range(ne):
+                    for i in range(pz[e, 2], pz[e, 3]):
+                        dZ[i, j] = follows[i] * C[e, row[j]]
     for k in range(S + 1):
         if k % nsub == 0:
             for c in range(ny):

@@ -99,9 +99,9 @@ def _of_one(code, a):
     if code == NOT:
         return 1.0 if a == 0.0 else 0.0
     if code == FLOOR:
-        return math.floor(a)
+        return float(math.floor(a))
     if code == CEIL:
-        return math.ceil(a)
+        return float(math.ceil(a))
     if code == FABS:
         return abs(a)
     if code == SIGN:
@@ -150,7 +150,7 @@ def _of_two(code, a, b):
     if code == OR:
         return 1.0 if a != 0.0 or b != 0.0 else 0.0
     if code == FMOD:
-        return math.fmod(a, b)
+        return a - b * float(math.trunc(a / b))
     if code == COPYSIGN:
         return math.copysign(a, b)
     if code == IF_ELSE_ZERO:
