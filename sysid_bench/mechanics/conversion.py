@@ -72,16 +72,18 @@ def _divided(x: np.ndarray) -> np.ndarray:
     return np.where(small, 1 + x / 2 + x**2 / 6, (np.exp(safe) - 1) / safe)
 
 
-def d2c(p: np.ndarray, b: np.ndarray, h: float, hold: str = "zoh") -> tuple[np.ndarray, np.ndarray]:
-    """Continuous poles lambda (nx,), rad/s, and input rows b (nx, nu) of a discrete modal form.
-
-    Raises Diverged where a pole sits on the closed negative real axis: it has no real logarithm.
-    """
+def continuous_poles(p: np.ndarray, h: float) -> np.ndarray:
+    """log(p) / h, rad/s; raises Diverged where a pole sits on the closed negative real axis."""
     on_cut = (np.abs(p.imag) <= 1e-12 * np.abs(p)) & (p.real <= 0)
     if on_cut.any():
         raise Diverged(
             f"a discrete pole at {p[on_cut][0].real:.4g} has no real continuous-time counterpart "
             "(the sampling is too slow for the fastest mode, or the horizon too short)."
         )
-    lam = np.log(p) / h
+    return np.log(p) / h
+
+
+def d2c(p: np.ndarray, b: np.ndarray, h: float, hold: str = "zoh") -> tuple[np.ndarray, np.ndarray]:
+    """Continuous poles lambda (nx,), rad/s, and input rows b (nx, nu) of a discrete modal form."""
+    lam = continuous_poles(p, h)
     return lam, b / hold_weights(lam, h, hold)[:, None]

@@ -11,7 +11,9 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
+from sysid_bench.mechanics.conversion import continuous_poles
 from sysid_bench.mechanics.hankel import order_rows, triangular_factor
+from sysid_bench.mechanics.rules import rule
 from sysid_bench.nouns import Array, Diverged, NotApplicable
 
 WEIGHTS = ("moesp", "cva")
@@ -94,13 +96,24 @@ def check_sizes(N: int, nu: int, ny: int, i: int, nx: int) -> None:
         )
 
 
-def modal_states(modes: HalfModes, drive: Array) -> np.ndarray:
-    """xi (N, k, m + 1): each mode's response to each column of drive (N, m), then to a unit initial state."""
-    N, m = drive.shape
-    xi = np.zeros((N, len(modes.p), m + 1), dtype=complex)
+def hold_drives(modes: HalfModes, u: Array, h: float, hold: str) -> np.ndarray:
+    """(k, N-1, nu): what the input adds to each mode per step behind the hold, of a unit continuous input row.
+
+    A band-limited input is taken as its cubic spline.
+    """
+    chosen = rule("cubic" if hold == "bandlimited" else hold)
+    weights = h * chosen.functions(continuous_poles(modes.p, h) * h)[1:]
+    return np.einsum("pk,ptu->ktu", weights, chosen.coefficients(u))
+
+
+def modal_states(modes: HalfModes, u: Array, drives: np.ndarray | None) -> np.ndarray:
+    """xi (N, k, nu + 1): each mode's response to each input, then to a unit initial state."""
+    N, nu = u.shape
+    xi = np.zeros((N, len(modes.p), nu + 1), dtype=complex)
     for k, p in enumerate(modes.p):
-        xi[1:, k, :m] = lfilter([1.0], [1.0, -p], drive[:-1], axis=0)
-        xi[:, k, m] = p ** np.arange(N)
+        drive = u[:-1] if drives is None else drives[k]
+        xi[1:, k, :nu] = lfilter([1.0], [1.0, -p], drive, axis=0)
+        xi[:, k, nu] = p ** np.arange(N)
     return xi
 
 
@@ -108,8 +121,8 @@ def modal_states(modes: HalfModes, drive: Array) -> np.ndarray:
 class InputFit:
     """Rows beta (k, nu + 1) = [b, x0] of the modes by least squares on the simulated output.
 
-    normal, scale: the equilibrated normal matrix, for sensitivities; xi (N, k (nu+1)) its complex regressors
-    without output shapes; residual (N, ny); feedthrough (ny, nu) or None.
+    normal: matrix of the least squares; xi (N, k (nu+1)): its complex regressors without output shapes;
+    residual (N, ny); feedthrough (ny, nu) or None.
     """
 
     beta: np.ndarray
@@ -157,10 +170,15 @@ def solve_rows(modes: HalfModes, normal: Array, g: Array, q: int) -> np.ndarray:
     return (solution[:half] + 1j * solution[half:]).reshape(-1, q)
 
 
-def fit_inputs(modes: HalfModes, u: Array, y: Array, feedthrough: bool) -> InputFit:
-    """b, x0 and, where asked for, the feedthrough, all outputs at once."""
+def fit_inputs(
+    modes: HalfModes, u: Array, y: Array, feedthrough: bool, drives: np.ndarray | None = None
+) -> InputFit:
+    """b, x0 and, where asked for, the feedthrough, all outputs at once.
+
+    drives None: b is discrete, x(k+1) = p x(k) + b u(k); else as hold_drives, and b is continuous.
+    """
     N, q = len(y), u.shape[1] + 1
-    xi = modal_states(modes, u).reshape(N, -1)
+    xi = modal_states(modes, u, drives).reshape(N, -1)
     columns, target = np.hstack([xi.real, xi.imag]), y
     if feedthrough:  # by projecting u out of everything (Frisch-Waugh)
         through = np.linalg.lstsq(u, np.hstack([columns, y]), rcond=None)[0]

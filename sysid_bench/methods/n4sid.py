@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid_bench.mechanics import jackknife
-from sysid_bench.mechanics.conversion import Modes, d2c
+from sysid_bench.mechanics.conversion import Modes, continuous_poles, d2c
 from sysid_bench.mechanics.projection import PROJECTIONS, project
 from sysid_bench.mechanics.second_order import pack
 from sysid_bench.mechanics.subspace import (
@@ -17,6 +17,7 @@ from sysid_bench.mechanics.subspace import (
     check_sizes,
     default_horizon,
     fit_inputs,
+    hold_drives,
     identify_modes,
     real_state_space,
 )
@@ -35,7 +36,7 @@ class N4sid:
     horizon      block rows of the past and of the future; None: 20 for up to 3 outputs, 12 from 5 on
     horizon_s    the same in s, takes precedence. Healthy from about 0.4 of the shortest modal period
     weight       moesp | cva
-    feedthrough  estimate a direct term too (always for accelerations, and for hold=record unless it is zoh)
+    feedthrough  estimate a direct term too (always for accelerations)
     hold         of the conversion: zoh, as the thesis does whatever the input is; record: the record's own
     projection   direct | modal
     blocks       of the jackknife for the standard errors; 0: none
@@ -70,7 +71,7 @@ class N4sid:
         """Estimate with M, D, K, poles, state space; raises NotApplicable or Diverged with the reason."""
         require_plain(record, model, "n4sid")
         hold = hold_of(record, model) if self.hold == "record" else "zoh"
-        feedthrough = self.feedthrough or model.output == "acceleration" or hold != "zoh"
+        feedthrough = self.feedthrough or model.output == "acceleration"
         nx = {"model": 2 * model.n, "gap": None}.get(self.order, self.order)
         i = self._horizon(record, nx or 2 * model.n)
         su, sy = record.u.std(axis=0), record.y.std(axis=0)
@@ -78,9 +79,10 @@ class N4sid:
             raise NotApplicable("n4sid wants every input and output to vary; one is constant.")
         z = np.hstack([record.u / su, record.y / sy])
         modes, s = identify_modes(z, record.nu, i, nx, self.weight, 4 * model.n)
-        inputs = fit_inputs(modes, z[:, : record.nu], z[:, record.nu :], feedthrough)
-        report = self._report(modes, inputs, s, i)
         scaled = _Scaled(su, sy, record.h, hold)
+        drives = None if hold == "zoh" else hold_drives(modes, z[:, : record.nu], record.h, hold)
+        inputs = fit_inputs(modes, z[:, : record.nu], z[:, record.nu :], feedthrough, drives)
+        report = self._report(modes, inputs, s, i)
         return self._estimate(model, modes, inputs, scaled, report, z, i)
 
     def _horizon(self, record: Record, nx: int) -> int:
@@ -111,7 +113,7 @@ class N4sid:
         i: int,
     ) -> Estimate:
         form = scaled.continuous(modes, inputs.beta)
-        space = scaled.discrete(modes, inputs)
+        space = scaled.state_space(modes, inputs)
         if len(form[0]) != 2 * model.n:
             reason = f"no M, D, K: the order is {len(form[0])}, not {2 * model.n}."
             return Estimate(poles=form[0], state_space=space, reason=reason, diagnostics=report)
@@ -142,11 +144,18 @@ class _Scaled:
     hold: str
 
     def continuous(self, modes: HalfModes, beta: np.ndarray) -> Modes:
+        """Behind a zoh beta is discrete, else already continuous."""
         p, c, rows = modes.full(beta[:, :-1] / self.su)
-        lam, b = d2c(p, rows, self.h, self.hold)
-        return lam, c * self.sy[:, None], b
+        c = c * self.sy[:, None]
+        if self.hold == "zoh":
+            lam, rows = d2c(p, rows, self.h)
+            return lam, c, rows
+        return continuous_poles(p, self.h), c, rows
 
-    def discrete(self, modes: HalfModes, inputs: InputFit) -> tuple[Array, Array, Array, Array, float]:
-        A, B, C = real_state_space(modes, inputs.beta[:, :-1])
+    def state_space(self, modes: HalfModes, inputs: InputFit) -> tuple[Array, Array, Array, Array, float]:
+        """Discrete behind a zoh; else continuous, h = 0, as no discrete one has the same input."""
+        zoh = self.hold == "zoh"
+        poles = modes.p if zoh else continuous_poles(modes.p, self.h)
+        A, B, C = real_state_space(replace(modes, p=poles), inputs.beta[:, :-1])
         D = np.zeros((len(C), B.shape[1])) if inputs.feedthrough is None else inputs.feedthrough
-        return A, B / self.su, C * self.sy[:, None], D * self.sy[:, None] / self.su, self.h
+        return A, B / self.su, C * self.sy[:, None], D * self.sy[:, None] / self.su, self.h if zoh else 0.0
