@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from test_second_order import plant
 
-from sysid_bench.mechanics.bandlimited import evaluate, lines_of
+from sysid_bench.mechanics.bandlimited import evaluate, input_lines
 from sysid_bench.mechanics.holds import propagate
 from sysid_bench.mechanics.phi import divided_difference, phi
 from sysid_bench.mechanics.rules import RULES, rule
@@ -76,7 +76,7 @@ def test_a_spline_with_slower_knots_is_the_spline_through_the_samples():
 def test_bandlimited_takes_lines_off_the_sample_grid():
     A, B = system("one_dof")
     series = (np.array([0.7, 1.9]), np.array([[1.0 - 0.5j], [0.2j]]))
-    u = evaluate(*series, 30, 0.3)
+    u = evaluate(input_lines(None, 0.3, None, series), series[1], 30, 0.3)
     exact = lambda t, k: (series[1].T @ np.exp(1j * series[0] * t)).real  # noqa: E731
     x = propagate(A, B, u, 0.3, "bandlimited", np.ones(2), series=series)
     assert np.allclose(x, reference(A, B, exact, 0.3, 30, np.ones(2)), atol=1e-8)
@@ -85,8 +85,9 @@ def test_bandlimited_takes_lines_off_the_sample_grid():
 def test_the_fourier_series_of_one_period_returns_the_samples():
     one = np.random.default_rng(4).normal(size=(20, 2))
     u = np.tile(one, (3, 1))[:50]
-    assert np.allclose(evaluate(*lines_of(u, 0.1, 20), 50, 0.1), u, atol=1e-13)
-    assert np.allclose(evaluate(*lines_of(one[:19], 0.1, None), 19, 0.1), one[:19], atol=1e-13)
+    for samples, period in ((u, 20), (one[:19], None), (one, None)):
+        lines = input_lines(samples, 0.1, period)
+        assert np.allclose(evaluate(lines, lines.amplitude, len(samples), 0.1), samples, atol=1e-13)
 
 
 def test_a_line_on_an_undamped_pole_is_refused():

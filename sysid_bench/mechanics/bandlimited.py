@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,59 +28,54 @@ def lines_of(u: Array, h: float, period: int | None) -> tuple[Array, Complex]:
     return 2 * np.pi * np.arange(len(amplitude)) / (P * h), amplitude
 
 
-def evaluate(omega: Array, amplitude: Complex, N: int, h: float) -> Array:
-    """Re sum_l amplitude_l exp(i omega_l t) at t = 0, h, ..., (N-1) h: (N, nu)."""
-    grid = _grid_period(omega, N, h)
-    if grid is None:
-        values = np.empty((N, amplitude.shape[1]))
-        for first in range(0, N, 512):
-            t = h * np.arange(first, min(first + 512, N))
-            values[first : first + 512] = (np.exp(1j * np.outer(t, omega)) @ amplitude).real
-        return values
-    spectrum = np.zeros((grid, amplitude.shape[1]), dtype=complex)
-    np.add.at(spectrum, np.rint(omega * grid * h / (2 * np.pi)).astype(int) % grid, amplitude)
-    one = np.fft.ifft(spectrum, axis=0).real * grid
-    return one[np.arange(N) % grid]
+class Lines(NamedTuple):
+    """u(t) = Re sum_l amplitude_l exp(i omega_l t): omega (nl,) rad/s, amplitude (nl, nu), repeating after `period`
+    samples where that is known."""
+
+    omega: Array
+    amplitude: Complex
+    period: int | None
 
 
-def _grid_period(omega: Array, N: int, h: float) -> int | None:
-    """The number of samples P <= N after which all lines repeat, None where no P fits or lines are few."""
-    if len(omega) < 16:
-        return None
-    base = np.min(np.diff(np.sort(omega)), initial=np.inf)
-    P = round(2 * np.pi / (base * h)) if np.isfinite(base) and base > 0 else 0
-    cycles = omega * P * h / (2 * np.pi)
-    return P if 0 < P <= N and np.allclose(cycles, np.rint(cycles), rtol=0, atol=1e-7) else None
+def input_lines(
+    u: Array, h: float, period: int | None = None, series: tuple[Array, Complex] | None = None
+) -> Lines:
+    """The lines of `series` where given, else of one period of the samples u (N, nu), empty lines left out."""
+    if series is None:
+        omega, amplitude = lines_of(u, h, period)
+        live = np.abs(amplitude).max(axis=1) > 1e-14 * np.abs(amplitude).max()
+        return Lines(omega[live], amplitude[live], period or len(u))
+    return Lines(np.asarray(series[0], float), np.asarray(series[1], complex), period)
 
 
-def line_responses(A: Array, B: Array, omega: Array, amplitude: Complex) -> Complex:
+def evaluate(lines: Lines, values: Complex, N: int, h: float) -> Array:
+    """Re sum_l values_l exp(i omega_l t) at t = 0, h, ..., (N-1) h: values (nl, nx) -> (N, nx)."""
+    if lines.period is not None:
+        spectrum = np.zeros((lines.period, values.shape[1]), dtype=complex)
+        bins = np.rint(lines.omega * lines.period * h / (2 * np.pi)).astype(int)
+        np.add.at(spectrum, bins % lines.period, values)
+        return (np.fft.ifft(spectrum, axis=0).real * lines.period)[np.arange(N) % lines.period]
+    x = np.empty((N, values.shape[1]))
+    for first in range(0, N, 512):
+        t = h * np.arange(first, min(first + 512, N))
+        x[first : first + 512] = (np.exp(1j * np.outer(t, lines.omega)) @ values).real
+    return x
+
+
+def line_responses(A: Array, B: Array, lines: Lines) -> Complex:
     """x (nl, nx): complex amplitudes of the steady state. Raises InputError for a line on an undamped pole."""
-    poles = np.linalg.eigvals(A)
+    poles, omega = np.linalg.eigvals(A), lines.omega
     distance = np.abs(1j * omega[:, None] - poles).min(axis=1, initial=np.inf)
-    on_pole = (distance <= RESONANT * max(np.abs(poles).max(), np.abs(omega).max())) & amplitude.any(axis=1)
+    on_pole = distance <= RESONANT * max(np.abs(poles).max(), np.abs(omega).max())
     if on_pole.any():
         raise InputError(
             f"a bandlimited input has a line at {omega[on_pole][0]:g} rad/s, on an undamped pole of the plant: its "
             "response grows without bound. Move the line, add damping, or use hold cubic."
         )
-    x = np.zeros((len(omega), len(A)), dtype=complex)
-    live = amplitude.any(axis=1)
-    resolvent = 1j * omega[live, None, None] * np.eye(len(A)) - A
-    x[live] = np.linalg.solve(resolvent, (amplitude[live] @ B.T)[..., None])[..., 0]
-    return x
+    resolvent = 1j * omega[:, None, None] * np.eye(len(A)) - A
+    return np.linalg.solve(resolvent, (lines.amplitude @ B.T)[..., None])[..., 0]
 
 
-def steady_state(
-    A: Array,
-    B: Array,
-    u: Array,
-    h: float,
-    period: int | None = None,
-    series: tuple[Array, Complex] | None = None,
-) -> Array:
-    """x (N, nx) at the samples of the periodic solution of x' = A x + B u for the Fourier series of u (N, nu).
-
-    series = (omega, amplitude) as in nouns.Signal where u is not periodic in the samples.
-    """
-    omega, amplitude = lines_of(u, h, period) if series is None else series
-    return evaluate(omega, line_responses(A, B, omega, amplitude), len(u), h)
+def steady_state(A: Array, B: Array, lines: Lines, N: int, h: float) -> Array:
+    """x (N, nx) at the samples of the periodic solution of x' = A x + B u for the lines of u."""
+    return evaluate(lines, line_responses(A, B, lines), N, h)

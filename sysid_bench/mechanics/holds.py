@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 from scipy.signal import lfilter
 
-from sysid_bench.mechanics.bandlimited import steady_state
+from sysid_bench.mechanics.bandlimited import input_lines, steady_state
 from sysid_bench.mechanics.rules import rule
 from sysid_bench.nouns import Array
 
@@ -52,7 +52,7 @@ def propagate(
     """
     x0 = np.zeros(len(A)) if x0 is None else np.asarray(x0, float)
     if hold == "bandlimited":
-        steady = steady_state(A, B, u, h, period, series)
+        steady = steady_state(A, B, input_lines(u, h, period, series), len(u), h)
         Ad, _ = rule("zoh").step(A, B, h)
         return steady + free_response(Ad, len(u), x0 - steady[0])
     chosen = rule(hold)

@@ -80,11 +80,16 @@ def state_space(
     return A, B, *output_matrices(A, B, eye if C is None else np.asarray(C, float), output)
 
 
-def sort_poles(poles: Complex) -> Complex:
-    """By magnitude, then real part; of a pair the positive imaginary part first."""
-    poles = np.asarray(poles, dtype=complex)
+def pole_order(poles: Complex) -> NDArray[np.intp]:
+    """Indices that sort by magnitude, then real part; of a pair the positive imaginary part first."""
     scale = np.abs(poles).max(initial=0) or 1.0
-    return poles[np.lexsort((-poles.imag, poles.real, np.round(np.abs(poles) / scale, 9)))]
+    return np.lexsort((-poles.imag, poles.real, np.round(np.abs(poles) / scale, 9)))
+
+
+def sort_poles(poles: Complex) -> Complex:
+    """The poles in pole_order."""
+    poles = np.asarray(poles, dtype=complex)
+    return poles[pole_order(poles)]
 
 
 def poles(M: Array, D: Array, K: Array) -> Complex:
