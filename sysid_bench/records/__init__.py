@@ -61,6 +61,12 @@ def write_record(
         parquet_file.write(record, path)
 
 
+def record_path(path: str | os.PathLike) -> Path:
+    """`path` as a Path. Raises InputError where its suffix is none of a record file's."""
+    _suffix(path)
+    return Path(path)
+
+
 def _suffix(path: str | os.PathLike) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:

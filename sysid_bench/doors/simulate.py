@@ -1,0 +1,84 @@
+"""plant or model file, excitation, noise -> a record file."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.build import build
+from sysid_bench.files import read_model
+from sysid_bench.files.effects import effect_from
+from sysid_bench.files.provenance import config_of, provenance
+from sysid_bench.files.yaml_text import yaml_text
+from sysid_bench.nouns import InputError, Model, Plant, Record
+from sysid_bench.records import record_path, write_record
+
+PARTS = ("excitation", "noise", "sampling", "source")
+
+
+def main(cfg: dict[str, Any]) -> int:
+    """Write the record `out` and print its one line."""
+    out = record_path(cfg["out"])
+    record, model = simulated(cfg)
+    write_record(record, out, {"config.yaml": yaml_text(config_of(cfg))})
+    for remark in remarks(record, model, out):
+        print(f"note: {remark}", file=sys.stderr)
+    print(f"{out}: {record!r}")
+    return 0
+
+
+def simulated(cfg: dict[str, Any]) -> tuple[Record, Model | None]:
+    """(record, model of the file or None) of a simulate config. Raises InputError."""
+    packages = cfg["plugins"].packages
+    model = read_model(cfg["model"]) if cfg["model"] else None
+    plant = plant_of(model, cfg["model"]) if model is not None else build(cfg["plant"], packages)
+    added = tuple(effect_from(entry, f"effects[{i}]") for i, entry in enumerate(cfg["effects"] or []))
+    plant = replace(plant, effects=(*plant.effects, *added))
+    excitation, noise, sampling, source = (build(cfg[name], packages) for name in PARTS)
+    if model is not None and model.sample_time_s not in (None, sampling.h_s):
+        raise InputError(
+            f"model {cfg['model']} says sample_time: {model.sample_time_s:g} s; sampling.h_s is {sampling.h_s:g}. "
+            f"Give sampling.h_s={model.sample_time_s:g}."
+        )
+    seed = cfg["seed"]
+    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+        raise InputError(f"seed must be a whole number 0..; got {seed!r}.")
+    record = source.acquire(plant, excitation, noise, sampling, np.random.default_rng(seed)).record
+    origin = {
+        "source": "simulated",
+        "seed": seed,
+        **provenance("simulate", cfg, [cfg["model"]] if model else []),
+    }
+    return replace(record, origin=origin), model
+
+
+def plant_of(model: Model, path: str | Path) -> Plant:
+    """The plant that a model file describes. Raises InputError where it has no values."""
+    if not model.has_values:
+        raise InputError(f"model {path}: mass, damping and stiffness are wanted to simulate it; it has none.")
+    return Plant(
+        model.mass, model.damping, model.stiffness, input_map=model.input_map, output_map=model.output_map,
+        output=model.output, effects=model.effects, units=model.units,
+    )  # fmt: skip
+
+
+def remarks(record: Record, model: Model | None, out: Path) -> list[str]:
+    """What the user should know of the file just written."""
+    found = []
+    if out.suffix.lower() == ".csv":
+        found.append(
+            f"a CSV keeps t, u, y only; its model.yaml should say input_intersample: {_word(record)}"
+        )
+    if model is not None and model.hold not in (None, record.hold):
+        found.append(
+            f"the excitation is {record.hold} between samples, the model says {model.hold}; the excitation's was used"
+        )
+    return found
+
+
+def _word(record: Record) -> str:
+    return "smooth" if record.hold == "cubic" else str(record.hold)
