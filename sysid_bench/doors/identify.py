@@ -1,0 +1,108 @@
+"""record file, model file, method -> estimate.json, model_estimate.yaml, report, and a table on the terminal."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.build import build
+from sysid_bench.estimate_table import show
+from sysid_bench.files import model_of, read_model, write_estimate, write_model
+from sysid_bench.files.estimate import values_of
+from sysid_bench.files.provenance import provenance
+from sysid_bench.nouns import Diverged, Estimate, InputError, Method, Model, NotApplicable, Record
+from sysid_bench.pairing import pair
+from sysid_bench.records import read_record
+from sysid_bench.run import identify
+
+SLOW_PERIODS = 5
+
+
+def main(cfg: dict[str, Any]) -> int:
+    """0 with an estimate; 1 where the method says no (estimate.json says why)."""
+    out = results_folder(cfg["out"])
+    options = {"topic": cfg["topic"]} if cfg["topic"] else {}
+    record, model, remarks = pair(read_record(cfg["record"], **options), read_model(cfg["model"]))
+    print(f"{cfg['record']}: {record!r}")
+    estimate, heard = fitted(build(cfg["method"], cfg["plugins"].packages), record, model)
+    remarks += [*heard, *cautions(record, estimate)]
+    name = cfg["choices"]["method"]
+    write_results(out, cfg, name, record, model, estimate, remarks)
+    for remark in remarks:
+        print(f"note: {remark}", file=sys.stderr)
+    show(estimate)
+    seconds = "" if estimate.seconds is None else f" in {estimate.seconds:.3g} s"
+    reason = f" ({estimate.reason})" if estimate.reason else ""
+    print(f"{name}: {estimate.status}{reason}{seconds}. {out / 'estimate.json'}")
+    return 0 if estimate.status == "ok" else 1
+
+
+def results_folder(path: str) -> Path:
+    """The folder, made. Raises InputError where it cannot be."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(f"out={path}: a folder is wanted; cannot make it ({problem.strerror}).") from None
+    return folder
+
+
+def fitted(method: Method, record: Record, model: Model) -> tuple[Estimate, list[str]]:
+    """(estimate, warnings that the method gave). A method that says no gives an Estimate with the reason."""
+    with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
+        warnings.simplefilter("default", UserWarning)
+        try:
+            estimate = identify(method, record, model)
+        except NotApplicable as problem:
+            estimate = Estimate(status="not_applicable", reason=str(problem))
+        except (Diverged, np.linalg.LinAlgError) as problem:
+            estimate = Estimate(status="diverged", reason=str(problem))
+    heard = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
+    return estimate, list(dict.fromkeys(heard))
+
+
+def cautions(record: Record, estimate: Estimate) -> list[str]:
+    """What to keep in mind of an estimate from this record."""
+    if estimate.poles is None or not len(estimate.poles):
+        return []
+    slowest = np.min(np.abs(estimate.poles))
+    length = record.t[-1] - record.t[0]
+    found = []
+    if length * slowest < SLOW_PERIODS * 2 * np.pi:
+        found.append(
+            f"the record is {length:.3g} s long, {length * slowest / (2 * np.pi):.2g} periods of the slowest mode; "
+            f"below {SLOW_PERIODS} the damping is poorly known."
+        )
+    if np.max(np.real(estimate.poles)) > 0:
+        found.append(
+            f"the estimate is unstable: a pole has real part {np.max(np.real(estimate.poles)):.3g} rad/s."
+        )
+    return found
+
+
+def write_results(
+    out: Path,
+    cfg: Mapping[str, Any],
+    method: str,
+    record: Record,
+    model: Model,
+    estimate: Estimate,
+    remarks: list[str],
+) -> None:
+    """estimate.json always; model_estimate.yaml where there are M, D, K; the report where wanted."""
+    origin = provenance("identify", cfg, [cfg["record"], cfg["model"]]) | {"record": dict(record.origin)}
+    noted = replace(estimate, diagnostics={**estimate.diagnostics, "hold": record.hold, "remarks": remarks})
+    write_estimate(noted, out / "estimate.json", method=method, model=model, origin=origin)
+    if estimate.M is not None and estimate.K is not None:
+        better = model_of(estimate, values_of(estimate, method, model, {}), out / "estimate.json")
+        write_model(better, out / "model_estimate.yaml", {"method": method, "inputs": origin["inputs"]})
+    if cfg["views"]:
+        from sysid_bench.views.identify_report import write_identify_report
+
+        write_identify_report(out, record, model, estimate)
