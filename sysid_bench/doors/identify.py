@@ -13,8 +13,7 @@ import numpy as np
 
 from sysid_bench.build import build
 from sysid_bench.estimate_table import show
-from sysid_bench.files import model_of, read_model, write_estimate, write_model
-from sysid_bench.files.estimate import values_of
+from sysid_bench.files import read_model, write_estimate, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.nouns import Diverged, Estimate, InputError, Method, Model, NotApplicable, Record
 from sysid_bench.pairing import pair
@@ -97,12 +96,25 @@ def write_results(
 ) -> None:
     """estimate.json always; model_estimate.yaml where there are M, D, K; the report where wanted."""
     origin = provenance("identify", cfg, [cfg["record"], cfg["model"]]) | {"record": dict(record.origin)}
+    remarks += _write_model(
+        out / "model_estimate.yaml", model, estimate, {"method": method, "inputs": origin["inputs"]}
+    )
     noted = replace(estimate, diagnostics={**estimate.diagnostics, "hold": record.hold, "remarks": remarks})
     write_estimate(noted, out / "estimate.json", method=method, model=model, origin=origin)
-    if estimate.M is not None and estimate.K is not None:
-        better = model_of(estimate, values_of(estimate, method, model, {}), out / "estimate.json")
-        write_model(better, out / "model_estimate.yaml", {"method": method, "inputs": origin["inputs"]})
     if cfg["views"]:
         from sysid_bench.views.identify_report import write_identify_report
 
         write_identify_report(out, record, model, estimate)
+
+
+def _write_model(path: Path, model: Model, estimate: Estimate, origin: Mapping[str, Any]) -> list[str]:
+    """The model with the estimated values, where there are such; the remark where they are no model."""
+    path.unlink(missing_ok=True)  # of an earlier run
+    if estimate.M is None or estimate.D is None or estimate.K is None:
+        return []
+    try:
+        better = replace(model, mass=estimate.M, damping=estimate.D, stiffness=estimate.K, free={})
+    except InputError as problem:
+        return [f"no {path.name}: {problem}"]
+    write_model(better, path, origin)
+    return []
