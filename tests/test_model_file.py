@@ -102,6 +102,7 @@ WRONG = [
     ("mass: 1\ndamping: 0\nstiffness: 1\nunits: 3\n", ("units must be SI or a mapping",)),
     ("mass: 1\ndamping: 0\nstiffness: 1\neffects: {name: x}\n", ("effects must be a list",)),
     ("mass: 1\ndamping: 0\nstiffness: 1\neffects: [{nam: x}]\n", ("effects[0]", "'nam'", "name, dof")),
+    ("mass: 1\ndamping: 0\nstiffness: 1\neffects: [{name: coulomb_friction, dof: 1}]\n", ("effects[0]", "dof 1", "0..0")),
     ("mass: 1\nmass: 2\n", ("line 2", "'mass' is given twice")),
     ("mass: !!python/object/apply:os.system ['true']\n", ("line 1", "tags", "not read")),
     ("mass: &a [1]\ndamping: *a\n", ("line 2", "aliases")),

@@ -29,11 +29,21 @@ def _of_the_shelf(name: str, dof: Any, parameters: dict[str, Any], where: str) -
     from sysid_bench import effects  # a shelf: looked up by name only where a file names an effect
 
     try:
-        return effects.effect(name, dof, parameters)
+        effect = effects.effect(name, dof, parameters)
+        _check_words(type(effect)(), parameters)
+        return effect
     except InputError as problem:
         raise InputError(f"{where}: {problem}") from None
     except (TypeError, ValueError) as problem:
         raise InputError(f"{where}: {name} cannot be made of {parameters!r:.120} ({problem}).") from None
+
+
+def _check_words(default: Effect, parameters: Mapping[str, Any]) -> None:
+    """A parameter is a word where its default is one, else a number."""
+    for key, entry in parameters.items():
+        wanted = "a word" if isinstance(getattr(default, key), str) else "a number"
+        if isinstance(entry["value"], str) != (wanted == "a word"):
+            raise InputError(f"{default.name}.{key} must be {wanted}; got {entry['value']!r:.40}.")
 
 
 def _place(dof: Any, where: str) -> int | list[int] | None:
@@ -51,7 +61,7 @@ def _parameter(entry: Any, where: str) -> Any:
     if not set(entry) <= {"value", "unit", "std"} or "value" not in entry:
         raise InputError(f"{where} must be {{value, unit}}; got {dict(entry)!r:.80}.")
     if isinstance(entry["value"], bool) or not isinstance(entry["value"], int | float | str):
-        raise InputError(f"{where}.value must be a number; got {entry['value']!r:.40}.")
+        raise InputError(f"{where}.value must be a number (or a word); got {entry['value']!r:.40}.")
     return {key: entry[key] for key in ("value", "unit") if key in entry}
 
 

@@ -67,9 +67,20 @@ def _model(values: Mapping[str, Any]) -> Model:
             "degrees_of_freedom instead."
         )
     try:
-        return Model(**fields)
+        model = Model(**fields)
+        _check_places(model)
+        return model
     except np.linalg.LinAlgError as problem:
         raise InputError(f"mass, damping, stiffness: {problem}; their values are out of range.") from None
+
+
+def _check_places(model: Model) -> None:
+    """Raises InputError where an effect sits at a DOF, input or output that the model does not have."""
+    count = max(model.n, model.nu, model.ny)
+    for i, effect in enumerate(model.effects):
+        places = effect.dof if isinstance(effect.dof, tuple) else (effect.dof or 0,)
+        if max(places) >= count:
+            raise InputError(f"effects[{i}]: {effect.name} at dof {max(places)}; they count 0..{count - 1}.")
 
 
 def _field(key: str, value: Any) -> tuple[str, Any]:
