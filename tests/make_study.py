@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
+
+from sysid_bench.table import write_table
 
 H = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.04, 0.02, 0.01, 0.005)
 METHODS = ("n4sid_d2c", "variational_pem", "structured_ml")
@@ -109,7 +109,7 @@ def coefficient_row(h: float, repetition: int, rng: np.random.Generator) -> dict
 
 def write(folder: Path, rows: list[dict], config: dict) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    pq.write_table(pa.Table.from_pylist(rows), folder / "table.parquet")
+    write_table(json.loads(json.dumps(rows)), folder / "table.parquet")
     origin = {"sysid_bench": "0.1.0", "numpy": np.__version__, "commit": "0" * 40, "cpu": "synthetic"}
     config = {**config, "plant": {"name": "three_dof"}, "sampling": {"h_s": 0.1, "N": 6000}}
     name, question = config["study"]["name"], config["study"]["question"]

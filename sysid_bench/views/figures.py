@@ -55,8 +55,8 @@ def _lay_out(plt: Any, study: Study, spec: Figure, mask: np.ndarray, columns: in
 def _name_x(figure: Any, study: Study, spec: Figure, axes: list, strips: list, columns: int) -> None:
     last = strips or axes[-columns:]
     for axis in axes + strips:
-        if study.columns[spec.x].dtype.kind not in "fiub":
-            places = sorted(set(study.columns[spec.x]))
+        if study.columns[spec.x].dtype.kind not in "fiu":
+            places = study.order(spec.x)
             axis.set_xticks(
                 range(len(places)), [str(p).replace("_", " ") for p in places], rotation=20, ha="right"
             )

@@ -43,7 +43,9 @@ def draw_panel(
         if not np.isfinite(data.median).any():
             continue
         style, label = curve_look(spec, panel, value, i, j, len(series))
-        handles[label] = _draw_curve(axis, data, style, bool(panel.theory), len(curves))
+        handles[label] = _draw_curve(
+            axis, positions(study, spec, data.x), data, style, bool(panel.theory), len(curves)
+        )
         if panel.theory:
             handles |= _draw_theory(axis, study, spec, panel, rows, j, style)
     handles |= _draw_bounds(axis, study, spec, panel, mask)
@@ -70,8 +72,9 @@ def _shared_columns(spec: Figure) -> list[str]:
     return list(dict.fromkeys(y for panel in spec.panels if len(panel.y) > 1 for y in panel.y))
 
 
-def _draw_curve(axis: Any, data: Curve, style: dict[str, Any], beside_theory: bool, curves: int) -> Any:
-    x = positions(data.x)
+def _draw_curve(
+    axis: Any, x: np.ndarray, data: Curve, style: dict[str, Any], beside_theory: bool, curves: int
+) -> Any:
     colour = style["color"]
     seen = np.isfinite(data.median)
     line_style = {**style, "marker": ""} | ({"linewidth": 0.6, "alpha": 0.6} if beside_theory else {})
@@ -97,9 +100,12 @@ def _draw_curve(axis: Any, data: Curve, style: dict[str, Any], beside_theory: bo
     return proxy
 
 
-def positions(x: np.ndarray) -> np.ndarray:
-    """Places on the axis: the numbers themselves, or 0, 1, 2, ... for words."""
-    return x.astype(float) if x.dtype.kind in "fiub" else np.arange(len(x), dtype=float)
+def positions(study: Study, spec: Figure, x: np.ndarray) -> np.ndarray:
+    """Places on the x axis: the numbers themselves, or 0, 1, 2, ... for words in the study's order."""
+    if x.dtype.kind in "fiu":
+        return x.astype(float)
+    rank = {value: k for k, value in enumerate(study.order(spec.x))}
+    return np.array([rank[value] for value in x], dtype=float)
 
 
 def _draw_theory(
@@ -107,7 +113,8 @@ def _draw_theory(
 ) -> dict[str, Any]:
     data = curve(study.columns, spec.x, panel.theory[min(j, len(panel.theory) - 1)], rows)
     alone = len(panel.y) == 1
-    axis.plot(data.x, data.median, color=BOUND_COLOUR if alone else style["color"], linewidth=1.1, zorder=2)
+    x = positions(study, spec, data.x)
+    axis.plot(x, data.median, color=BOUND_COLOUR if alone else style["color"], linewidth=1.1, zorder=2)
     (proxy,) = axis.plot([], [], color=BOUND_COLOUR if alone else GUIDE_COLOUR, linewidth=1.1)
     return {label_of(spec, "theory"): proxy}
 
@@ -116,7 +123,7 @@ def _draw_bounds(axis: Any, study: Study, spec: Figure, panel: Panel, mask: np.n
     handles = {}
     for name in panel.bound:
         data = bound_curve(study, spec, name, mask)
-        (line,) = axis.plot(positions(data.x), data.median, color=BOUND_COLOUR, linewidth=2.2, alpha=0.75, zorder=1.5,
+        (line,) = axis.plot(positions(study, spec, data.x), data.median, color=BOUND_COLOUR, linewidth=2.2, alpha=0.75, zorder=1.5,
                             linestyle=(0, (1, 0.6)), dash_capstyle="butt")  # fmt: skip
         handles[label_of(spec, BOUND)] = line
     return handles

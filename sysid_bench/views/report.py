@@ -92,6 +92,31 @@ def _group_words(group: Group, columns: Sequence[str]) -> Mapping[str, Any]:
     }  # fmt: skip
 
 
+def summary_markdown(study: Study) -> str:
+    """The summary table and the failures as markdown, for viewers that render it."""
+    columns = measured_columns(study)
+    head = [*study.axes, "runs", "failed", *(_heading(c) for c in columns), "seconds"]
+    lines = [f"# {study.name}", "", str(study.manifest.get("question", "")), "", f"`{command(study)}`", ""]
+    lines += ["Medians; × is the rms ratio to the Cramér-Rao bound.", "", _row(head), _row(["-"] * len(head))]
+    for group in (_group_words(g, columns) for g in summarise(study)):
+        numbers = [f"{n['median']} {n['over_bound']}" for n in group["numbers"]]
+        lines.append(
+            _row([*group["cells"], group["runs"], group["failed_words"], *numbers, group["seconds"]])
+        )
+    lines += [
+        "",
+        "## Runs without an estimate",
+        "",
+        _row(["method", "status", "reason", "runs"]),
+        _row(["-"] * 4),
+    ]
+    return "\n".join([*lines, *(_row(f[:4]) for f in failures(study))])
+
+
+def _row(cells: Sequence[Any]) -> str:
+    return "| " + " | ".join(str(cell).replace("|", "/").replace("_", "\\_") for cell in cells) + " |"
+
+
 def _number_words(number: Number, scale: float) -> Mapping[str, str]:
     words = {key: _digits(scale * getattr(number, key)) for key in ("low", "median", "high", "rms")}
     return words | {"over_bound": f"×{_digits(number.over_bound)}" if isfinite(number.over_bound) else ""}

@@ -109,7 +109,7 @@ def standard_figures(study: Study) -> list[Figure]:
     if not panels or x is None:
         return []
     series = "method" if "method" in study.columns and x != "method" else None
-    numeric = study.columns[x].dtype.kind == "f"
+    numeric = study.columns[x].dtype.kind in "fiu"
     log = numeric and min(study.order(x)) > 0 and max(study.order(x)) / min(study.order(x)) > 10
     return [
         Figure(f"error_{x}".replace(".", "_"), x, panels, title=f"{study.name}: relative errors", x_label=axis_label(x),
@@ -122,7 +122,7 @@ def _there(study: Study, name: str) -> tuple[str, ...]:
 
 
 def _first_axis(study: Study) -> str | None:
-    numeric = [a for a in study.axes if study.columns[a].dtype.kind == "f" and len(study.order(a)) > 1]
+    numeric = [a for a in study.axes if study.columns[a].dtype.kind in "fiu" and len(study.order(a)) > 1]
     words = [a for a in ("plant", "method") if a in study.columns]
     return next(iter([*numeric, *words]), None)
 

@@ -18,7 +18,12 @@ def draw_failures(axis: Any, study: Study, spec: Figure, mask: np.ndarray, serie
     for i, value in enumerate(series):
         rows = mask if value is None else mask & (study.columns[spec.series or ""] == value)
         x, share = failure_share(study, spec.x, rows)
-        axis.plot(positions(x), 100 * share, **{**look(i), "markersize": 3, "linewidth": 1.0}, clip_on=False)
+        axis.plot(
+            positions(study, spec, x),
+            100 * share,
+            **{**look(i), "markersize": 3, "linewidth": 1.0},
+            clip_on=False,
+        )
     axis.set_ylim(0, 100)
     axis.set_yticks([0, 50, 100])
     axis.set_ylabel("failed\n(%)", fontsize=7.5)

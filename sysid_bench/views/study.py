@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.nouns import InputError
+from sysid_bench.table import read_table
 
 Columns = Mapping[str, np.ndarray]
 OPTIONS = ("plant", "analysis", "excitation", "noise", "source", "method")
@@ -18,7 +19,7 @@ OPTIONS = ("plant", "analysis", "excitation", "noise", "source", "method")
 
 @dataclass(frozen=True)
 class Study:
-    """A finished study: folder, manifest (dict), columns (name -> (rows,) array: float64, bool or str)."""
+    """A finished study: folder, manifest (dict), columns (name -> (rows,) array)."""
 
     folder: Path
     manifest: Mapping[str, Any]
@@ -65,25 +66,7 @@ def read_study(folder: str | Path) -> Study:
                 f"{folder} is no finished study: {name} is missing. Give a folder that `sysid-bench sweep` wrote."
             )
     manifest = json.loads((folder / "manifest.json").read_text())
-    return Study(folder, manifest, read_columns(folder / "table.parquet"))
-
-
-def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a Parquet table as numpy arrays; missing numbers are NaN, missing words empty."""
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(path)
-    return {name: _column(data) for name, data in zip(table.column_names, table.columns)}
-
-
-def _column(data: Any) -> np.ndarray:
-    import pyarrow.types as types
-
-    if types.is_boolean(data.type):
-        return np.array([bool(v) for v in data.to_pylist()])
-    if types.is_integer(data.type) or types.is_floating(data.type):
-        return np.array([np.nan if v is None else float(v) for v in data.to_pylist()])
-    return np.array(["" if v is None else str(v) for v in data.to_pylist()], dtype=object)
+    return Study(folder, manifest, read_table(folder / "table.parquet"))
 
 
 def where(columns: Columns, wanted: Mapping[str, Any]) -> np.ndarray:
@@ -99,9 +82,9 @@ def where(columns: Columns, wanted: Mapping[str, Any]) -> np.ndarray:
 
 
 def _equals(column: np.ndarray, value: Any) -> np.ndarray:
-    if column.dtype.kind == "f":
+    if column.dtype.kind in "fiu":
         return np.isclose(column, float(value), rtol=1e-9, atol=0.0)
-    return column == (value if column.dtype.kind == "b" else str(value))
+    return np.array([str(v) == str(value) for v in column], dtype=bool)
 
 
 def column_of(columns: Columns, name: str) -> np.ndarray:
@@ -109,6 +92,13 @@ def column_of(columns: Columns, name: str) -> np.ndarray:
     if name not in columns:
         raise InputError(f"the table has no column {name!r}; it has: {', '.join(sorted(columns))}.")
     return columns[name]
+
+
+def numbers_of(columns: Columns, name: str) -> np.ndarray:
+    """One column of numbers. Raises InputError where it holds words."""
+    if (column := column_of(columns, name)).dtype.kind not in "fiu":
+        raise InputError(f"column {name!r} holds words, such as {column[0]!r}; a figure's y wants numbers.")
+    return column
 
 
 def failed(columns: Columns) -> np.ndarray:
@@ -135,7 +125,7 @@ class Curve:
 def curve(columns: Columns, x: str, y: str, rows: np.ndarray) -> Curve:
     """Medians and 10-90 % quantiles of column y at each value of column x, over the rows (bool mask)."""
     applies = rows & (columns["status"] != "not_applicable")
-    xs, ys = columns[x][applies], column_of(columns, y)[applies]
+    xs, ys = column_of(columns, x)[applies], numbers_of(columns, y)[applies]
     good = (columns["status"][applies] == "ok") & np.isfinite(ys)
     places = sorted(set(xs))
     return Curve(
@@ -149,13 +139,14 @@ def _at(ys: np.ndarray, good: np.ndarray) -> Sequence[float]:
 
 
 def write_views(study_dir: str | Path) -> list[Path]:
-    """Write figures and report.html of a study folder; returns the paths written."""
+    """Write figures, report.html and study.rrd of a study folder; returns the paths written."""
     from sysid_bench.views.figures import write_figures
     from sysid_bench.views.report import write_report
+    from sysid_bench.views.rerun_study import write_study_rrd
 
     study = read_study(study_dir)
     figures = write_figures(study)
-    return [*figures, write_report(study, figures)]
+    return [*figures, write_report(study, figures), write_study_rrd(study, figures)]
 
 
 def write_index(results_dir: str | Path) -> Path:

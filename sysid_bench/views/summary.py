@@ -64,7 +64,7 @@ def measured_columns(study: Study) -> list[str]:
 
 def _has_numbers(study: Study, column: str) -> bool:
     values = study.columns.get(column)
-    return values is not None and values.dtype.kind == "f" and bool(np.isfinite(values).any())
+    return values is not None and values.dtype.kind in "fiu" and bool(np.isfinite(values).any())
 
 
 def summarise(study: Study) -> list[Group]:
