@@ -11,13 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_bench.mechanics.difference_equation import (
-    frequency_response,
-    least_squares,
-    least_squares_matrix,
-    scalar_theta,
-    simulate,
-)
+from sysid_bench.mechanics.difference import DifferenceEquation, Orders, from_theta, regressors
+from sysid_bench.mechanics.scalar import exact_equation, frequency_response, simulate
 from sysid_bench.nouns import Array, InputError, Plant, Sampling
 
 
@@ -47,49 +42,49 @@ class ArxResponse:
             raise InputError(
                 f"order {self.order} needs at least {3 * self.order + 1} samples; got {sampling.N}."
             )
-        true = scalar_theta(plant, sampling.h_s)
+        true, orders = exact_equation(plant, sampling.h_s), Orders(self.order, self.order + 1, 0)
         u = self._force(sampling.N, rng)
         y = self._converted(simulate(true, u))
-        theta = least_squares(y, u, self.order)
-        residual = y[self.order :] - least_squares_matrix(y, u, self.order) @ theta
+        X, target = regressors(u, y, orders), y[orders.start :]
+        theta = np.linalg.lstsq(X, target, rcond=None)[0]
+        found = from_theta(theta, 1, 1, orders)
         numbers = {
-            "residual": _rms(residual) / _rms(y),
-            "higher_terms": _higher_terms(theta),
-            "stable": float(np.abs(np.roots([1.0, *theta[: self.order]])).max() < 1),
-            "simulation": self._simulation_error(theta, true, rng),
+            "residual": _rms(target - X @ theta) / _rms(y),
+            "higher_terms": float(np.abs(np.concatenate([found.a[2:], found.b[3:], [[[0.0]]]])).max()),
+            "stable": float(np.abs(np.linalg.eigvals(found.companion)).max() < 1),
+            "simulation": self._simulation_error(found, true, rng),
         }
-        return numbers | sine_errors(theta, true, plant, sampling.h_s)
+        return numbers | sine_errors(found, true, plant, sampling.h_s)
 
     def _force(self, N: int, rng: np.random.Generator) -> Array:
-        return self.amplitude_N * rng.choice([-1.0, 1.0], N)
+        return self.amplitude_N * rng.choice([-1.0, 1.0], (N, 1))
 
     def _converted(self, y: Array) -> Array:
         step = 2 * self.range_V / 2**self.bits
         return np.clip(step * np.round(y / step), -self.range_V, self.range_V - step)
 
-    def _simulation_error(self, theta: Array, true: Array, rng: np.random.Generator) -> float:
+    def _simulation_error(
+        self, found: DifferenceEquation, true: DifferenceEquation, rng: np.random.Generator
+    ) -> float:
         u = self._force(self.fresh, rng)
         y = simulate(true, u)
         with np.errstate(over="ignore", invalid="ignore"):
-            return _rms(simulate(theta, u) - y) / _rms(y)
+            return _rms(simulate(found, u) - y) / _rms(y)
 
 
-def sine_errors(theta: Array, true: Array, plant: Plant, h: float) -> dict[str, float]:
+def sine_errors(
+    equation: DifferenceEquation, true: DifferenceEquation, plant: Plant, h: float
+) -> dict[str, float]:
     """Largest relative errors of the response over 20 frequencies up to the natural one."""
     m, c, k = (float(X[0, 0]) for X in (plant.mass, plant.damping, plant.stiffness))
     omega = np.linspace(0.05, 1.0, 20) * np.sqrt(k / m)
-    found, held = frequency_response(theta, omega, h), frequency_response(true, omega, h)
+    found, held = frequency_response(equation, omega, h), frequency_response(true, omega, h)
     smooth = 1 / (k - m * omega**2 + 1j * c * omega)
     return {
         "sine": float(np.max(np.abs(found - held) / np.abs(held))),
         "sine_smooth": float(np.max(np.abs(found - smooth) / np.abs(smooth))),
         "gain_smooth": float(np.max(np.abs(np.abs(found) / np.abs(smooth) - 1))),
     }
-
-
-def _higher_terms(theta: Array) -> float:
-    order = len(theta) // 2
-    return float(np.abs(np.concatenate([theta[2:order], theta[order + 3 :], [0.0]])).max())
 
 
 def _rms(x: Array) -> float:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_bench.mechanics.difference_equation import least_squares_matrix, scalar_theta, simulate
+from sysid_bench.mechanics.difference import regressors
+from sysid_bench.mechanics.scalar import SECOND_ORDER, exact_equation, poles_and_zero, simulate
 from sysid_bench.nouns import Plant, Sampling
 
 
@@ -26,15 +27,16 @@ class Identifiability:
     amplitude_N: float = 0.5
 
     def compute(self, plant: Plant, sampling: Sampling, rng: np.random.Generator) -> dict[str, float]:
-        theta = scalar_theta(plant, sampling.h_s)
-        u = self.amplitude_N * rng.choice([-1.0, 1.0], sampling.N)
-        _, singular, directions = np.linalg.svd(least_squares_matrix(simulate(theta, u), u, 2))
-        poles, zero = np.roots([1, theta[0], theta[1]]), -theta[4] / theta[3]
+        equation = exact_equation(plant, sampling.h_s)
+        u = self.amplitude_N * rng.choice([-1.0, 1.0], (sampling.N, 1))
+        X = regressors(u, simulate(equation, u), SECOND_ORDER)
+        _, singular, directions = np.linalg.svd(X)
+        poles, zero = poles_and_zero(equation)
         nearest = poles[np.argmin(np.abs(poles - zero))]
         return {
             "condition": float(singular[0] / singular[-1]),
             "pole_zero_distance": float(abs(nearest - zero)),
-            "zero": float(zero),
+            "zero": zero,
             "pole_real": float(nearest.real),
             "pole_imag": float(nearest.imag),
             "b1_share": float(abs(directions[-1, 3])),

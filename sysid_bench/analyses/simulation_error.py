@@ -29,12 +29,16 @@ class SimulationError:
     def compute(self, plant: Plant, sampling: Sampling, rng: np.random.Generator) -> dict[str, float]:
         h, per_knot = sampling.h_s, round(self.knot_spacing_s / sampling.h_s)
         if per_knot < 1 or abs(per_knot * h - self.knot_spacing_s) > 1e-9 * self.knot_spacing_s:
-            raise InputError(f"sampling.h_s = {h} must divide analysis.knot_spacing_s = {self.knot_spacing_s}.")
+            raise InputError(
+                f"sampling.h_s = {h} must divide analysis.knot_spacing_s = {self.knot_spacing_s}."
+            )
         intervals = -(-(sampling.N - 1) // per_knot)
         knots = np.arange(intervals + 1) * self.knot_spacing_s
         force = CubicSpline(knots, rng.standard_normal((len(knots), plant.nu)))
         fine = np.arange(intervals * per_knot * FINER + 1) * h / FINER
-        A, B, C, _ = state_space(plant.mass, plant.damping, plant.stiffness, plant.input_map, plant.output_map)
+        A, B, C, _ = state_space(
+            plant.mass, plant.damping, plant.stiffness, plant.input_map, plant.output_map
+        )
         truth = propagate(A, B, force(fine), h / FINER, "cubic") @ C.T
         samples = force(fine)[::FINER]
         found = propagate(A, B, samples, h, self.rule) @ C.T
