@@ -132,13 +132,13 @@ def _matrices(values: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], di
         found[name] = _numbers(part or {}, "value", 2, path, name)
         stds[name] = _numbers(part or {}, "std", 2, path, name)
         for array in (found[name], stds[name]):
-            if array is None:
-                continue
-            n = n or len(array)
-            if array.shape != (n, n) or not np.isfinite(found[name]).all():
-                raise InputError(
-                    f"estimate {path}: {name} must hold finite {n}x{n} matrices; got {array.shape}."
-                )
+            n = n or (None if array is None else len(array))
+            if array is not None and array.shape != (n, n):
+                raise InputError(f"estimate {path}: {name} must hold {n}x{n} matrices; got {array.shape}.")
+        if found[name] is None and stds[name] is not None:
+            raise InputError(f"estimate {path}: {name} has a std but no value.")
+        if found[name] is not None and not np.isfinite(found[name]).all():
+            raise InputError(f"estimate {path}: {name}.value must be finite numbers.")
     return found, stds
 
 

@@ -13,6 +13,7 @@ from sysid_bench.nouns import UNIFORM_STEP_RTOL, Array, InputError, Record
 
 MAX_COLUMNS = 1024
 MAX_VALUES = 500_000_000  # 4 GB of float64: what one record may take in memory
+MAX_PER_BYTE = 50  # values per byte of a compressed file: times alone take more; beyond is a bomb
 WANTED = "columns t, u1..u<nu>, y1..y<ny> and optionally quality"
 
 
@@ -74,14 +75,18 @@ def _shown(name: str) -> str:
     return repr(name if len(name) <= 40 else name[:40] + "...")
 
 
-def check_size(samples: int, columns: int, place: Place) -> None:
-    """Raises InputError where a record is empty or would not fit."""
+def check_size(samples: int, columns: int, place: Place, file_bytes: int | None = None) -> None:
+    """Raises InputError where a record is empty, would not fit, or is more than its file can honestly hold."""
     if samples < 2:
         raise place.refuse(f"at least 2 samples are wanted; it has {samples}.")
     if samples * columns > MAX_VALUES:
         raise place.refuse(
             f"{samples:,} samples of {columns} columns are more than the {MAX_VALUES:,} values that are read "
             "at once; split the record."
+        )
+    if file_bytes is not None and samples * columns > MAX_PER_BYTE * file_bytes:
+        raise place.refuse(
+            f"{samples:,} samples of {columns} columns in {file_bytes:,} bytes cannot be a measured record."
         )
 
 

@@ -4,46 +4,24 @@ from __future__ import annotations
 
 import json
 import re
-import struct
 from array import array
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-import lz4.frame
 import numpy as np
-import zstandard
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 from mcap import records as mcap_records
-from mcap.exceptions import McapError
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from sysid_bench.files.disk import sha256
 from sysid_bench.nouns import InputError, Record
 from sysid_bench.records.columns import MAX_VALUES, Place, record_from_columns
+from sysid_bench.records.mcap_stream import DAMAGED, check_ends, stream
 from sysid_bench.records.mcap_write import METADATA, ORIGIN, TOPIC
 from sysid_bench.records.properties import properties_from
 from sysid_bench.records.protobuf import class_from_schema
 
-MAGIC = b"\x89MCAP0\r\n"
-MAX_CHUNK_BYTES = 256 * 2**20
 _COLUMN = re.compile(r"t|quality|[uy][1-9][0-9]{0,3}")
-DAMAGED = (
-    McapError,
-    CRCValidationError,
-    DecodeError,
-    struct.error,
-    zstandard.ZstdError,
-    UnicodeDecodeError,
-    RuntimeError,
-    EOFError,
-    ValueError,
-    TypeError,
-    KeyError,
-    OverflowError,
-    MemoryError,
-)  # fmt: skip  (what mcap, protobuf, zstandard and lz4 raise on damaged bytes)
 
 
 @dataclass
@@ -97,7 +75,7 @@ def read(path: Path, topic: str | None = None) -> Record:
     topic  the topic to read; None: `/record`, or the only topic with fields t, u1.., y1..
     """
     place = Place(str(path), lambda k: f"sample {k}")
-    _check_ends(path)
+    check_ends(path)
     try:
         with open(path, "rb") as file:
             topics, properties = _collect(file, path.stat().st_size, place)
@@ -116,59 +94,13 @@ def read(path: Path, topic: str | None = None) -> Record:
 
 def read_attachments(path: Path) -> dict[str, bytes]:
     """Attachments of an MCAP file by name. Raises InputError where it is damaged."""
-    _check_ends(path)
+    check_ends(path)
     try:
         with open(path, "rb") as file:
-            found = _stream(file, path.stat().st_size)
+            found = stream(file, path.stat().st_size)
             return {item.name: item.data for item in found if isinstance(item, mcap_records.Attachment)}
     except DAMAGED as problem:
         raise InputError(f"record {path}: damaged MCAP ({type(problem).__name__}).") from None
-
-
-def _check_ends(path: Path) -> None:
-    """Raises InputError where the file is no MCAP or does not end as one."""
-    with open(path, "rb") as file:
-        start = file.read(len(MAGIC))
-        file.seek(max(0, path.stat().st_size - len(MAGIC)))
-        end = file.read()
-    if start != MAGIC and not (len(start) < len(MAGIC) and MAGIC.startswith(start)):
-        raise InputError(f"record {path}: not an MCAP file (wrong first bytes).")
-    if end != MAGIC or path.stat().st_size < 2 * len(MAGIC):
-        raise InputError(
-            f"record {path}: truncated MCAP: its end is missing, the writer was stopped. "
-            f"`sysid-bench recover {path}` writes a clean file with the samples that are there."
-        )
-
-
-def _stream(file: IO[bytes], size: int) -> Iterator[Any]:
-    """Records of the data section in order, chunks opened, checksums held; memory stays bounded."""
-    for item in StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=size).records:
-        if isinstance(item, mcap_records.Chunk):
-            yield from breakup_chunk(_unpacked(item), validate_crc=True)
-        elif isinstance(item, mcap_records.DataEnd):
-            return
-        else:
-            yield item
-
-
-def _unpacked(chunk: mcap_records.Chunk) -> mcap_records.Chunk:
-    """The chunk uncompressed; a chunk that says or does more than MAX_CHUNK_BYTES is refused."""
-    size = chunk.uncompressed_size
-    if size > MAX_CHUNK_BYTES:
-        raise ValueError(f"a chunk of {size:,} bytes; at most {MAX_CHUNK_BYTES:,} are read")
-    if chunk.compression == "zstd":
-        if zstandard.frame_content_size(chunk.data) not in (-1, size):
-            raise ValueError("a zstd chunk whose size is not what it says")
-        data = zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    elif chunk.compression == "":
-        data = chunk.data
-    else:
-        raise ValueError(f"compression {chunk.compression[:20]!r}; zstd, lz4 or none are read")
-    if len(data) != size:
-        raise ValueError(f"a chunk of {len(data):,} bytes that says {size:,}")
-    return replace(chunk, data=data, compression="")
 
 
 def _collect(file: IO[bytes], size: int, place: Place) -> tuple[dict[str, _Topic], dict[str, Any]]:
@@ -177,7 +109,7 @@ def _collect(file: IO[bytes], size: int, place: Place) -> tuple[dict[str, _Topic
     channels: dict[int, _Topic | None] = {}
     topics: dict[str, _Topic] = {}
     stored: dict[str, Any] = {}
-    for item in _stream(file, size):
+    for item in stream(file, size):
         if isinstance(item, mcap_records.Message):
             if (channel := channels[item.channel_id]) is not None:
                 channel.add(item.data, place)

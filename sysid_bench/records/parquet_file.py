@@ -28,7 +28,10 @@ def read(path: Path) -> Record:
     place = Place(str(path), lambda k: f"row {k}")
     try:
         with pq.ParquetFile(path, **_READING) as file:
-            columns, stored = _columns(file, place), (file.schema_arrow.metadata or {}).get(KEY, b"{}")
+            columns, stored = (
+                _columns(file, place, path.stat().st_size),
+                (file.schema_arrow.metadata or {}).get(KEY, b"{}"),
+            )
     except (pa.ArrowException, OSError, ValueError, MemoryError) as problem:
         if isinstance(problem, InputError):
             raise
@@ -54,10 +57,10 @@ def write(record: Record, path: Path) -> None:
         )
 
 
-def _columns(file: pq.ParquetFile, place: Place) -> dict[str, np.ndarray]:
+def _columns(file: pq.ParquetFile, place: Place, file_bytes: int) -> dict[str, np.ndarray]:
     names = file.schema_arrow.names
     channels(names, place)
-    check_size(file.metadata.num_rows, len(names), place)
+    check_size(file.metadata.num_rows, len(names), place, file_bytes)
     for field in file.schema_arrow:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
             raise place.refuse(f"numbers are wanted; got {field.type}.", column=field.name)
