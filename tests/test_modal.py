@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from test_second_order import plant
 
+from sysid_bench.excitations.cubic_noise import CubicNoise
 from sysid_bench.mechanics.holds import propagate
 from sysid_bench.mechanics.modal import sensitivity
 from sysid_bench.mechanics.second_order import modes, ntheta, pack, state_space, unpack
+from sysid_bench.mechanics.simulate import simulate
 from sysid_bench.nouns import Plant
 
 HOLDS = ["zoh", "foh", "cubic", "bandlimited", "cayley", "gauss2"]
@@ -109,3 +111,39 @@ def test_the_output_is_that_of_the_simulation():
     A, B, Cx, Dx = state_space(p.mass, p.damping, p.stiffness, L, C, output)
     found = sensitivity(p.mass, p.damping, p.stiffness, L, C, output, u, h, "cubic", x0)
     assert np.array_equal(found.y, propagate(A, B, u, h, "cubic", x0) @ Cx.T + u @ Dx.T)
+
+
+@pytest.mark.parametrize("excess", [1e-4, 1e-6, 1e-8, 1e-10, -1e-5, -1e-9])
+def test_nearly_critical_damping_costs_no_accuracy(excess):
+    """Around the switch from the modal form to the cascade both must say the same as finite differences."""
+    p = Plant([[1.0]], [[2.0 + excess]], [[1.0]])
+    L, C, output, u, h, x0 = case(p, 0.3, "displacement")
+    J = sensitivity(p.mass, p.damping, p.stiffness, L, C, output, u, h, "cubic", x0).jacobian()
+    expected = differences(p, L, C, output, u, h, "cubic", x0)
+    assert np.abs(J - expected).max() < 1e-7 * np.abs(expected).max()
+
+
+BIAS = {  # relative errors of M, D, K when h = 0.25 s spline data without noise are fitted under another rule
+    "cayley": (0.0527, 0.0218, 0.0295),
+    "foh": (0.0115, 0.0216, 0.0149),
+    "zoh": (0.040, 0.072, 0.011),
+    "gauss2": (0.00020, 0.00019, 0.00010),
+    "cubic": (0.0, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("hold", BIAS)
+def test_gauss_newton_finds_the_known_bias_of_each_rule(hold):
+    p, h = plant("three_dof"), 0.25
+    u = CubicNoise(1.0).signal(6000, h, 3, np.random.default_rng(0)).u
+    y, theta, x0 = simulate(p, u, h, "cubic"), pack(p.mass, p.damping, p.stiffness), np.zeros(6)
+    for _ in range(6):
+        parts = (*unpack(theta, 3), p.input_map, p.output_map, p.output)
+        at = sensitivity(*parts, u, h, hold, x0)
+        H, g = at.normal(y - at.y, 1 / y.var(axis=0))
+        scale = 1 / np.sqrt(np.diag(H))
+        step = scale * np.linalg.solve(H * np.outer(scale, scale), scale * g)
+        theta, x0 = theta + step[:18], x0 + step[18:]
+    truth = (p.mass, p.damping, p.stiffness)
+    errors = [np.linalg.norm(X - Y) / np.linalg.norm(Y) for X, Y in zip(unpack(theta, 3), truth)]
+    assert np.allclose(errors, BIAS[hold], rtol=0.4 if hold == "zoh" else 0.1, atol=1e-11)

@@ -1,10 +1,14 @@
 """The simulation source: exact records, initial states, the hidden step, and what it refuses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from test_second_order import plant
 
+from sysid_bench.effects.cubic_stiffness import CubicStiffness
 from sysid_bench.excitations.cubic_noise import CubicNoise
 from sysid_bench.mechanics.holds import propagate
 from sysid_bench.mechanics.simulate import (
@@ -14,6 +18,7 @@ from sysid_bench.mechanics.simulate import (
     simulate_hidden_step,
     steps_within,
 )
+from sysid_bench.noises.none import NoNoise
 from sysid_bench.noises.white import White
 from sysid_bench.nouns import InputError, Plant, Sampling, Signal
 from sysid_bench.sources.simulation import Simulation
@@ -132,3 +137,22 @@ def test_steps_that_do_not_divide_are_refused_with_the_nearest():
 def test_models_that_cannot_be_simulated_are_refused():
     with pytest.raises(InputError, match="no values"):
         simulate(plant("one_dof").model().structure_only(), np.ones((3, 1)), 0.1, "zoh")
+
+
+def test_plants_with_effects_are_integrated():
+    """A cubic spring against DOP853, through the source; the full checks of the integrator are its own."""
+    p, h, N, k3 = plant("one_dof"), 0.1, 200, 5.0
+    hardening = replace(p, effects=(CubicStiffness(dof=0, stiffness=k3),))
+    run = Simulation(substeps=16).acquire(
+        hardening, CubicNoise(1.0), NoNoise(), Sampling(h, N), np.random.default_rng(0)
+    )
+    spline, t = CubicSpline(run.record.t, run.record.u[:, 0]), run.record.t
+    rhs = lambda t, x: [x[1], spline(t) - x[1] - x[0] - k3 * x[0] ** 3]  # noqa: E731
+    expected = solve_ivp(rhs, (0, t[-1]), [0.0, 0.0], "DOP853", t_eval=t, rtol=1e-11, atol=1e-13).y[0]
+    assert np.abs(run.y_true[:, 0] - expected).max() < 1e-4 * np.abs(expected).max()
+    linear = simulate(p, run.record.u, h, "cubic")[:, 0]
+    assert np.abs(run.y_true[:, 0] - linear).max() > 0.05 * np.abs(linear).max()
+    with pytest.raises(InputError, match="linear plants"):
+        Simulation(hidden_step_s=0.01).acquire(
+            hardening, CubicNoise(1.0), NoNoise(), Sampling(h, N), np.random.default_rng(0)
+        )
