@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 TEMPLATES = Path(__file__).parent / "templates"
-MIME = {".png": "image/png", ".svg": "image/svg+xml"}
+PX_PER_PT = 1.55  # 9 pt text of a figure is about as large as the page's
 
 
 def render(template: str, **values: Any) -> str:
@@ -30,9 +31,13 @@ def _css() -> Any:
     return markupsafe.Markup((TEMPLATES / "style.css").read_text())
 
 
-def data_uri(path: Path) -> str:
-    """An image file as a data: address."""
-    return f"data:{MIME[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+def image(path: Path, alt: str, caption: str = "") -> Mapping[str, str]:
+    """What the template's figure wants of an SVG file: the data, its natural width in px, words."""
+    text = path.read_text()
+    points = re.search(r'width="([\d.]+)pt"', text[:2000])
+    width = round(float(points[1]) * PX_PER_PT) if points else 800
+    data = base64.b64encode(text.encode()).decode()
+    return {"data": f"data:image/svg+xml;base64,{data}", "width": f"{width}", "alt": alt, "caption": caption}
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
@@ -10,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.views.html import data_uri, flat, render, write_page
+from sysid_bench.views.html import flat, image, render, write_page
 from sysid_bench.views.spec import study_figures
 from sysid_bench.views.study import Study, failed, read_study
 from sysid_bench.views.summary import ERRORS, Group, Number, failures, measured_columns, plain, summarise
-
-PX_PER_PT = 1.55  # 9 pt text of a figure is about as large as the page's
 
 
 def write_report(study: Study, figures: Sequence[Path]) -> Path:
@@ -70,13 +67,6 @@ def _image(study: Study, path: Path) -> Mapping[str, str]:
     spec = next((f for f in study_figures(study) if f.name == path.stem), None)
     caption = spec.caption if spec else ""
     return image(path, caption or (spec.title if spec else path.stem), caption)
-
-
-def image(path: Path, alt: str, caption: str = "") -> Mapping[str, str]:
-    """What the template's figure wants of an SVG file: the data, its natural width in px, words."""
-    points = re.search(r'width="([\d.]+)pt"', path.read_text()[:2000])
-    width = round(float(points[1]) * PX_PER_PT) if points else 800
-    return {"data": data_uri(path), "width": f"{width}", "alt": alt, "caption": caption}
 
 
 def _heading(column: str) -> str:

@@ -56,12 +56,13 @@ def look(i: int) -> dict[str, Any]:
 
 def log_ticks(axis: Any, low: float, high: float) -> None:
     """Log axis with plain numbers: 1, 2, 5 steps over few decades, whole decades over many."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     few = high / low < 300 if low > 0 else False
     axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda v, _: _plain(v)))
-    axis.set_minor_locator(LogLocator(base=10, subs=range(2, 10), numticks=40))
+    many = low > 0 and high / low > 1e4
+    axis.set_minor_locator(NullLocator() if many else LogLocator(base=10, subs=range(2, 10), numticks=40))
     axis.set_minor_formatter(NullFormatter())
 
 
@@ -78,6 +79,8 @@ def _plain(value: float) -> str:
 def save(figure: Any, folder: Any, name: str) -> list[Any]:
     """Write folder/name.png (200 dpi) and folder/name.svg, the same bytes for the same figure."""
     folder.mkdir(parents=True, exist_ok=True)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once, not once per file
     png, svg = folder / f"{name}.png", folder / f"{name}.svg"
     figure.savefig(png, metadata={"Software": None})
     figure.savefig(svg, metadata={"Date": None, "Creator": None})
