@@ -156,3 +156,18 @@ def test_plants_with_effects_are_integrated():
         Simulation(hidden_step_s=0.01).acquire(
             hardening, CubicNoise(1.0), NoNoise(), Sampling(h, N), np.random.default_rng(0)
         )
+
+
+def test_units_that_do_not_fit_are_left_out():
+    p, sampling = plant("three_dof"), Sampling(0.5, 20)
+
+    def units(**changes):
+        return (
+            Simulation()
+            .acquire(replace(p, **changes), CubicNoise(), White(), sampling, np.random.default_rng(0))
+            .record.units
+        )
+
+    assert units(output="acceleration") == {"t": "s", "u": ["N"] * 3}
+    assert units(output="acceleration", units={"u": ["N"] * 3, "y": ["m/s^2"] * 3})["y"] == ["m/s^2"] * 3
+    assert units(input_map=[[1.0], [0.0], [0.0]]) == {"t": "s", "y": ["m"] * 3}

@@ -112,6 +112,9 @@ def _settings(thing: Any) -> dict[str, Any]:
 
 
 def _units(plant: Plant) -> dict[str, Any]:
-    """The plant's units where they fit its channels, and seconds."""
+    """Seconds, and the plant's units where they fit its channels and what its sensors measure."""
     fits = {"u": plant.nu, "y": plant.ny}
-    return {"t": "s"} | {c: list(plant.units[c]) for c in fits if len(plant.units.get(c, ())) == fits[c]}
+    units = {c: list(plant.units[c]) for c in fits if len(plant.units.get(c, ())) == fits[c]}
+    if plant.output != "displacement" and not all("/s" in unit for unit in units.get("y", [])):
+        del units["y"]  # a plant of metres with its output switched to accelerations
+    return {"t": "s"} | units
