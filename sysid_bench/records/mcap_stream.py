@@ -16,7 +16,7 @@ from mcap import records as mcap_records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.stream_reader import StreamReader
 
 from sysid_bench.nouns import InputError
 from sysid_bench.records.columns import MAX_PER_BYTE
@@ -25,21 +25,11 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")  # kind and length of a record
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 MAX_CHUNK_BYTES = 256 * 2**20
+# What mcap, protobuf, zstandard and lz4 raise on damaged bytes.
 DAMAGED = (
-    McapError,
-    CRCValidationError,
-    DecodeError,
-    struct.error,
-    zstandard.ZstdError,
-    UnicodeDecodeError,
-    RuntimeError,
-    EOFError,
-    ValueError,
-    TypeError,
-    KeyError,
-    OverflowError,
-    MemoryError,
-)  # fmt: skip  (what mcap, protobuf, zstandard and lz4 raise on damaged bytes)
+    McapError, DecodeError, struct.error, zstandard.ZstdError, RuntimeError, EOFError, ValueError,
+    TypeError, KeyError, OverflowError, MemoryError,
+)  # fmt: skip
 
 
 def check_ends(path: Path) -> None:
@@ -73,10 +63,10 @@ def _opened(chunk: mcap_records.Chunk) -> Iterator[Any]:
     data = _unpacked(chunk)
     if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
         raise ValueError("a chunk whose checksum is wrong")
-    stream, kinds = BytesIO(data), {Opcode.SCHEMA: mcap_records.Schema, Opcode.CHANNEL: mcap_records.Channel}
-    while head := stream.read(_HEAD.size):
+    source, kinds = BytesIO(data), {Opcode.SCHEMA: mcap_records.Schema, Opcode.CHANNEL: mcap_records.Channel}
+    while head := source.read(_HEAD.size):
         opcode, length = _HEAD.unpack(head)
-        body = stream.read(length)
+        body = source.read(length)
         if len(body) != length or opcode == 0:
             raise ValueError("a chunk with a record that is cut or has no kind")
         if opcode == Opcode.MESSAGE:
