@@ -6,7 +6,7 @@ from scipy.optimize import linear_sum_assignment
 
 from sysid_bench.mechanics.holds import propagate
 from sysid_bench.mechanics.second_order import poles, state_space
-from sysid_bench.nouns import Model, Record
+from sysid_bench.nouns import HOLDS, Model, Record
 
 ONE_DOF = (np.eye(1), 0.2 * np.eye(1), np.eye(1))
 K3 = np.array([[4.0, -1, -1], [-1, 4, -1], [-1, -1, 4]])
@@ -27,12 +27,12 @@ def smooth(N, h, Ta, nu, rng):
 
 
 def simulated(plant, u, h, hold, snr_db=None, rng=None, L=None, C=None, output="displacement", x0=None):
-    """The record of M, D, K with white noise at snr_db on each output; hold as in Record."""
+    """The record of M, D, K with white noise at snr_db on each output; hold as in propagate."""
     A, B, Cx, Dx = state_space(*plant, L, C, output)
     y = propagate(A, B, u, h, hold, x0) @ Cx.T + u @ Dx.T
     if snr_db is not None:
         y = y + rng.standard_normal(y.shape) * y.std(axis=0) * 10 ** (-snr_db / 20)
-    return Record(np.arange(len(u)) * h, u, y, hold)
+    return Record(np.arange(len(u)) * h, u, y, hold if hold in HOLDS else "zoh")
 
 
 def model_of(plant, **maps):

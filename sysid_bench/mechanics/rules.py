@@ -3,7 +3,8 @@
 Every rule reads x[k+1] = R(hA) x[k] + h sum_p W_p(hA) B c_p[k] with c_p[k] linear in the samples of u.
 Exact for what their name says of the input between samples: `zoh`, `foh`, `cubic` (the not-a-knot spline).
 Geometric integrators: `cayley` (midpoint variational integrator, R = (1 + z/2)/(1 - z/2), input averaged over
-the step) and `gauss2` (two-stage Gauss collocation, order 4, input taken from the spline at the stages).
+the step; `cayley_zoh`: held over the step) and `gauss2` (two-stage Gauss collocation, order 4, input taken from
+the spline at the stages).
 """
 
 from __future__ import annotations
@@ -130,6 +131,7 @@ RULES = {
     "foh": _exact("foh", 1, _lines),
     "cubic": _exact("cubic", 3, spline_pieces),
     "cayley": Rule("cayley", _cayley_step, _averages, _cayley_functions, _cayley_slopes),
+    "cayley_zoh": Rule("cayley_zoh", _cayley_step, lambda u: u[None, :-1], _cayley_functions, _cayley_slopes),
     "gauss2": Rule("gauss2", _gauss_step, _stages, _gauss_functions, _gauss_slopes),
 }
 
