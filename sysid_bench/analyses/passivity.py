@@ -16,7 +16,7 @@ from sysid_bench.mechanics.integrators import one_step
 from sysid_bench.mechanics.second_order import companion, input_matrix
 from sysid_bench.nouns import Array, InputError, Plant, Sampling
 
-ROUNDING = 1e-9
+MARGIN_ROUNDING, LMI_ROUNDING = 1e-9, 1e-12
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Passivity:
         margin, worst = unit_circle_margin(Ad, Bd, Cd, Dd, self.angles)
         P = block_diag(plant.stiffness, plant.mass)
         lmi = lmi_eigenvalue(Ad, Bd, Cd, Dd, P / h)
-        passive = 1.0 if lmi < ROUNDING else 0.0 if margin < -ROUNDING else np.nan
+        passive = 0.0 if margin < -MARGIN_ROUNDING else 1.0 if lmi < LMI_ROUNDING else np.nan
         return {
             "h_s": h,
             "margin": margin,

@@ -57,5 +57,7 @@ def number(x: float, digits: int = 2) -> str:
 
 
 def percent(x: float) -> str:
-    """0.0123 -> 1.2 %."""
+    """0.0123 -> 1.2 %. Infinite where more than half of the runs gave no estimate."""
+    if x == float("inf"):
+        return "no estimate"
     return f"{number(100 * x)} %"

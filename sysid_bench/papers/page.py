@@ -8,14 +8,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid_bench.mechanics import kapucu_baysec as formulas
-from sysid_bench.papers import bruschetta_2011, bruschetta_2011_theory, kapucu_baysec_1997, misprints
+from sysid_bench.papers import (
+    bruschetta_2011,
+    bruschetta_2011_theory,
+    kapucu_baysec_1997,
+    kapucu_baysec_1997_use,
+    misprints,
+)
 from sysid_bench.papers.claims import CONFIRMED, PARTLY, REFUTED, Claim, Misprint, Verdict, number
 from sysid_bench.papers.evidence import Tables, command
 
 Judged = tuple[Claim, Verdict]
 
 PAPERS = {
-    "Kapucu and Baysec (1997)": (kapucu_baysec_1997.CLAIMS, misprints.KAPUCU_BAYSEC),
+    "Kapucu and Baysec (1997)": (
+        kapucu_baysec_1997.CLAIMS + kapucu_baysec_1997_use.CLAIMS,
+        misprints.KAPUCU_BAYSEC,
+    ),
     "Bruschetta (2011)": (bruschetta_2011_theory.CLAIMS + bruschetta_2011.CLAIMS, misprints.BRUSCHETTA),
 }
 HEAD = """# What the two papers claim, and what their claims come to here
