@@ -1,0 +1,115 @@
+"""record -> its spectra on the frequency band that carries the response.
+
+A linear system at N samples is a set of N/2 independent complex equations. Those above the band hold noise
+only; leaving them out costs no information and makes the work independent of the sampling rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import rfft
+from scipy.ndimage import uniform_filter1d
+
+from sysid_bench.mechanics.hold_rules import drives
+from sysid_bench.nouns import Array, NotApplicable
+
+Complex = NDArray[np.complex128]
+MARGIN = 1.2  # the band ends this much above the last bin in which the response is seen
+SIGNIFICANCE = 6.0  # standard deviations above the noise floor
+FLOOR_BLOCKS = 12
+SMOOTH = 11  # bins
+SHORTEST = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """All bins of one uniform record, scaled so that white noise of variance v has E|Y_f|^2 = 2 v.
+
+    omega (F,) rad/s, U (F, nu), Y (F, ny), drive (J, F, nu): spectra of what drives the held input (None:
+    band-limited), weight (F,): sqrt(2/N), sqrt(1/N) at zero and Nyquist; mask (N,): 1 where y was measured,
+    None where everywhere. u, y: the samples, with gaps filled.
+    """
+
+    u: Array
+    y: Array
+    h: float
+    hold: str
+    period: int
+    omega: Array
+    weight: Array
+    U: Complex
+    Y: Complex
+    drive: Complex | None
+    mask: Array | None = None
+
+    @property
+    def N(self) -> int:
+        return len(self.u)
+
+
+def spectra(
+    u: Array, y: Array, h: float, hold: str, period: int | None = None, mask: Array | None = None
+) -> Spectra:
+    """The spectra of samples u (N, nu), y (N, ny), h seconds apart."""
+    N = len(u)
+    omega = 2 * np.pi * np.arange(N // 2 + 1) / (N * h)
+    weight = np.full(len(omega), np.sqrt(2.0 / N))
+    weight[0] = np.sqrt(1.0 / N)
+    if N % 2 == 0:
+        weight[-1] = weight[0]
+    U, Y = (rfft(x, axis=0) * weight[:, None] for x in (u, y))
+    drive = None
+    if hold != "bandlimited":
+        drive = rfft(drives(u, h, hold), axis=1) * weight[:, None]
+    return Spectra(u, y, h, hold, period or N, omega, weight, U, Y, drive, mask)
+
+
+def with_hold(data: Spectra, hold: str) -> Spectra:
+    """The same record with another assumption on what the input does between samples."""
+    return spectra(data.u, data.y, data.h, hold, data.period, data.mask)
+
+
+def observations(weight: Array) -> int:
+    """Real numbers in the bins: two each, one at zero frequency and at Nyquist."""
+    single = np.count_nonzero(weight < 0.9 * weight.max())
+    return 2 * len(weight) - single
+
+
+def noise_floor(Y: Complex) -> Array:
+    """Lowest smoothed power per channel (ny,), E|Y_f|^2 where the response is least."""
+    power = uniform_filter1d(np.abs(Y) ** 2, SMOOTH, axis=0, mode="nearest")
+    blocks = [np.median(b, axis=0) for b in np.array_split(power, FLOOR_BLOCKS) if len(b)]
+    return np.maximum(np.min(blocks, axis=0), 1e-24 * power.max(axis=0))
+
+
+def band_edge(data: Spectra) -> int:
+    """Number of bins that carry the response: MARGIN beyond the last one that stands out of the noise floor.
+
+    The floor is the least smoothed power, then the mean power above the band; where the response fills the
+    whole spectrum, so does the band. Raises NotApplicable for an output that does not move.
+    """
+    if not np.all(np.ptp(data.y, axis=0) > 0):
+        raise NotApplicable(f"output channel {int(np.argmin(np.ptp(data.y, axis=0)))} never moves.")
+    F = len(data.omega)
+    floor, width = noise_floor(data.Y), SMOOTH
+    for _ in range(3):
+        edge = _edge(data.Y, floor, width)
+        width = int(np.clip(edge // 6, SMOOTH, 4 * SMOOTH))
+        floor = power_above(data, edge, floor)
+    return edge
+
+
+def power_above(data: Spectra, edge: int, otherwise: Array | None = None) -> Array | None:
+    """Mean power of the bins above the band (ny,): the noise's, where enough of them are left."""
+    F = len(data.omega)
+    return (np.abs(data.Y[edge:-1]) ** 2).mean(axis=0) if F - edge > max(F // 8, 64) else otherwise
+
+
+def _edge(Y: Complex, floor: Array, width: int) -> int:
+    excess = uniform_filter1d((np.abs(Y) ** 2 / floor).mean(axis=1), width, mode="nearest")
+    above = np.flatnonzero(excess > 1 + SIGNIFICANCE / np.sqrt(width * Y.shape[1]))
+    last = above[-1] + 1 if len(above) else len(Y)
+    return int(np.clip(np.ceil(MARGIN * last), min(len(Y), SHORTEST), len(Y)))

@@ -1,0 +1,216 @@
+"""spectra of one or several records, a start -> maximum likelihood M, D, K with their information matrix.
+
+Gauss-Newton on the output error, the free motion of every record solved for exactly at each point and the
+noise weight re-estimated with it. The residual is exact for the hold; the Hessian takes the main image of
+the response only, the gradient the neighbouring ones too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
+
+from sysid_bench.mechanics import normal_equations as ne
+from sysid_bench.mechanics.in_band import Spectra, observations
+from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
+from sysid_bench.mechanics.response import Maps, Modes, forced, image, modes_of, output_modes, transfer, transient
+from sysid_bench.nouns import Array, Diverged
+
+Complex = NDArray[np.complex128]
+IMAGES = (0, -1, 1)
+TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
+LIMIT = 60
+FAILURES = 9
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One record in the likelihood: its spectra, maps, number of bins, kind of noise or a given weight."""
+
+    data: Spectra
+    maps: Maps
+    F: int
+    noise: str = "diagonal"
+    weight: Array | None = None
+
+    @property
+    def count(self) -> float:
+        share = 1.0 if self.data.mask is None else float(self.data.mask.mean())
+        return share * observations(self.data.weight[: self.F])
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A run at a point: residual (F, ny), modal start (2n,), its spectra (F, 2n), noise weight, cost."""
+
+    R: Complex
+    start: Complex
+    free: Complex
+    W: Array
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    theta: Array
+    modes: Modes
+    runs: tuple[Fitted, ...]
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """theta as a function of what is free: value(phi), slope(phi) (ntheta, nphi). Identity by default."""
+
+    value: Callable[[Array], Array] = field(default=lambda phi: phi)
+    slope: Callable[[Array], Array] | None = None
+
+
+def matrices(theta: Array, n: int) -> tuple[Array, Array, Array]:
+    """M, D, K of theta = (vech M, vech D, vech K)."""
+    X = np.zeros((3, n, n))
+    i, j = np.triu_indices(n)
+    X[:, i, j] = X[:, j, i] = theta.reshape(3, -1)
+    return X[0], X[1], X[2]
+
+
+def evaluate(theta: Array, runs: Sequence[Run], before: Sequence[Fitted] | None = None) -> Point:
+    """The likelihood at theta. Raises Diverged where the matrices cannot be simulated."""
+    modes = modes_of(*matrices(theta, runs[0].maps.n))
+    fitted = tuple(_fit_run(modes, run, None if before is None else before[k]) for k, run in enumerate(runs))
+    cost = sum(f.cost for f in fitted)
+    if not np.isfinite(cost):
+        raise Diverged("the likelihood is not finite.")
+    return Point(theta, modes, fitted, cost)
+
+
+def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
+    data, F = run.data, run.F
+    bins = F if data.mask is None else len(data.omega)
+    W = run.weight if run.weight is not None else before.W if before is not None else None
+    if W is None:
+        W = 1 / np.maximum((np.abs(data.Y[:F]) ** 2).mean(axis=0), 1e-300)[None]
+    Y, free, c = forced(modes, run.maps, data, bins), transient(modes, data, bins), output_modes(modes, run.maps)
+    gram = (np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse).real
+    start = np.zeros(2 * modes.n, dtype=complex)
+    for _ in range(1 if data.mask is None else 4):  # with gaps the gram is that of the complete record
+        R = _residual(data, Y + (free * start) @ c.T)[:F]
+        slope = (modes.inverse.T @ (free[:F] * (np.conj(weigh(W, R)) @ c)).sum(axis=0)).real
+        start = start + modes.inverse @ _solve_scaled(gram, slope)
+    R = _residual(data, Y + (free * start) @ c.T)[:F]
+    if run.weight is not None:
+        return Fitted(R, start, free[:F], run.weight, given(R, run.weight))
+    return Fitted(R, start, free[:F], *estimated(R, run.count, run.noise))
+
+
+def _residual(data: Spectra, Y: Complex) -> Complex:
+    if data.mask is None:
+        return data.Y[: len(Y)] - Y
+    y = irfft(Y / data.weight[:, None], data.N, axis=0)
+    return rfft(data.mask[:, None] * (data.y - y), axis=0) * data.weight[:, None]
+
+
+def _solve_scaled(H: Array, g: Array) -> Array:
+    d = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    return np.linalg.lstsq(H / np.outer(d, d), g / d, rcond=1e-13)[0] / d
+
+
+def information_and_gradient(point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
+    """H (ntheta, ntheta), g of the log-likelihood, the free motions eliminated."""
+    parts = [_normal(point.modes, run, fit) for run, fit in zip(runs, point.runs)]
+    return sum(H for H, _ in parts), sum(g for _, g in parts)
+
+
+def _normal(modes: Modes, run: Run, fit: Fitted) -> tuple[Array, Array]:
+    main, *folds = (image(modes, run.maps, run.data, run.F, m, fit.start) for m in _images(run.data))
+    G = transfer(modes, run.maps, main)
+    GW = np.conj(np.swapaxes(weigh(fit.W, G), 1, 2))  # G^H W: W is real and symmetric
+    Omega = np.conj(main.q)[:, :, None] * main.q[:, None, :]
+    H = ne.information(GW @ G, Omega, main.s.imag)
+    WR = weigh(fit.W, fit.R)
+    g = ne.gradient(main.s, (GW @ fit.R[:, :, None])[:, :, 0], main.q)
+    for fold in folds:
+        back = ((WR @ np.conj(run.maps.C @ modes.shape)) * np.conj(fold.pole_gain)) @ np.conj(modes.left)
+        g = g + ne.gradient(fold.s, back, fold.q)
+    return _without_transient(modes, run, fit, main, GW, H, g)
+
+
+def _images(data: Spectra) -> tuple[int, ...]:
+    return IMAGES[:1] if data.hold == "bandlimited" else IMAGES
+
+
+def _without_transient(modes, run, fit, main, GW, H, g) -> tuple[Array, Array]:
+    c = output_modes(modes, run.maps)
+    back = (GW @ c) * fit.free[:, None, :]
+    X = (ne.cross(main.s, main.q, back) @ modes.inverse).real
+    A = (np.conj(modes.inverse).T @ modal_gram(fit.free, c, fit.W) @ modes.inverse).real
+    slope = (modes.inverse.T @ (fit.free * (np.conj(weigh(fit.W, fit.R)) @ c)).sum(axis=0)).real
+    d = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    half = np.linalg.lstsq(A / np.outer(d, d), np.column_stack([X.T, slope]) / d[:, None], rcond=1e-13)[0]
+    return H - (X / d) @ half[:, :-1], g - (X / d) @ half[:, -1]
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum:
+    """Where the search ended: theta, information H of theta, cost, iterations, converged."""
+
+    theta: Array
+    H: Array
+    cost: float
+    iterations: int
+    converged: bool
+    point: Point
+
+
+def maximise(runs: Sequence[Run], phi: Array, parameters: Parameters | None = None, limit: int = LIMIT) -> Maximum:
+    """Levenberg-Marquardt from phi. Raises Diverged where not even the start can be simulated."""
+    parameters = parameters or Parameters()
+    point = evaluate(parameters.value(phi), runs)
+    mu, converged, it = 0.0, False, 0
+    for it in range(1, limit + 1):
+        H, g = information_and_gradient(point, runs)
+        h, s = (H, g) if parameters.slope is None else _pulled(H, g, parameters.slope(phi))
+        step = _step(h, s, phi, mu, point, runs, parameters)
+        if step is None or step.gain < TOLERANCE:
+            converged = step is not None or _decrement(h, s) < 100 * TOLERANCE
+            phi, point = (phi, point) if step is None else (step.phi, step.point)
+            break
+        phi, point, mu = step.phi, step.point, step.mu
+    H, _ = information_and_gradient(point, runs)
+    return Maximum(point.theta, H, point.cost, it, converged, point)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    phi: Array
+    point: Point
+    mu: float
+    gain: float
+
+
+def _pulled(H: Array, g: Array, T: Array) -> tuple[Array, Array]:
+    return T.T @ H @ T, T.T @ g
+
+
+def _decrement(H: Array, g: Array) -> float:
+    return float(g @ _solve_scaled(H, g))
+
+
+def _step(H, g, phi, mu, point, runs, parameters) -> _Step | None:
+    """The first damped step that does not lose likelihood; None where none is found."""
+    d = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    Hs, gs = H / np.outer(d, d), g / d
+    for _ in range(FAILURES):
+        try:
+            move = np.linalg.solve(Hs + mu * np.eye(len(d)), gs)
+            trial = evaluate(parameters.value(phi + move / d), runs, point.runs)
+        except (Diverged, np.linalg.LinAlgError):
+            trial = None
+        if trial is not None and trial.cost <= point.cost + 1e-10 * abs(point.cost):
+            return _Step(phi + move / d, trial, 0.0 if mu < 1e-5 else mu / 10, float(move @ gs))
+        mu = max(10 * mu, 1e-3)
+    return None

@@ -1,0 +1,56 @@
+"""residuals in the band -> the weight of the likelihood: inverse noise covariance, per channel, full or per bin.
+
+A weight is an array (1, ny): one variance per channel; (1, ny, ny): a full covariance; (F, ny): a noise
+spectrum per channel. All are inverses, so that the information is the real part of J^H W J.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_bench.nouns import Array
+
+Complex = NDArray[np.complex128]
+TINY = 1e-300
+
+
+def weigh(W: Array, X: Complex) -> Complex:
+    """W X for X (F, ny) or (F, ny, k)."""
+    if W.ndim == 3:
+        return np.matmul(W, X) if X.ndim == 3 else X @ W[0].T
+    return X * (W[:, :, None] if X.ndim == 3 else W)
+
+
+def modal_gram(d: Complex, c: Complex, W: Array) -> Complex:
+    """(nt, nt) sum over f of T^H W T for the separable columns T[f, i, k] = c[i, k] d[f, k]."""
+    if W.ndim == 3:
+        return (np.conj(d).T @ d) * (np.conj(c).T @ W[0] @ c)
+    if len(W) == 1:
+        return (np.conj(d).T @ d) * ((np.conj(c).T * W[0]) @ c)
+    return sum((np.conj(d).T * W[:, i]) @ d * np.outer(np.conj(c[i]), c[i]) for i in range(len(c)))
+
+
+def variances(R: Complex, count: float) -> Array:
+    """(ny,) noise variances from residuals with `count` real observations per channel."""
+    return np.maximum((np.abs(R) ** 2).sum(axis=0) / count, TINY)
+
+
+def covariance(R: Complex, count: float) -> Array:
+    """(ny, ny) real noise covariance from residuals."""
+    S = (np.conj(R).T @ R).real / count
+    return S + 1e-14 * np.trace(S) / len(S) * np.eye(len(S)) + TINY * np.eye(len(S))
+
+
+def estimated(R: Complex, count: float, kind: str) -> tuple[Array, float]:
+    """Weight and the concentrated negative log-likelihood (up to a constant), kind diagonal or full."""
+    if kind == "full":
+        S = covariance(R, count)
+        return np.linalg.inv(S)[None], 0.5 * count * float(np.linalg.slogdet(S)[1])
+    v = variances(R, count)
+    return 1 / v[None, :], 0.5 * count * float(np.log(v).sum())
+
+
+def given(R: Complex, W: Array) -> float:
+    """Negative log-likelihood of residuals under a known weight."""
+    return 0.5 * float((np.conj(R) * weigh(W, R)).real.sum())
