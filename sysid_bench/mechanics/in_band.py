@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
-from sysid_bench.mechanics.hold_rules import drives
+from sysid_bench.mechanics.hold_spectra import drives
 from sysid_bench.nouns import Array, NotApplicable
 
 Complex = NDArray[np.complex128]
@@ -63,7 +63,7 @@ def spectra(
     U, Y = (rfft(x, axis=0) * weight[:, None] for x in (u, y))
     drive = None
     if hold != "bandlimited":
-        drive = rfft(drives(u, h, hold), axis=1) * weight[:, None]
+        drive = rfft(drives(u, hold), axis=1) * weight[:, None]
     return Spectra(u, y, h, hold, period or N, omega, weight, U, Y, drive, mask)
 
 
@@ -109,7 +109,8 @@ def power_above(data: Spectra, edge: int, otherwise: Array | None = None) -> Arr
 
 
 def _edge(Y: Complex, floor: Array, width: int) -> int:
-    excess = uniform_filter1d((np.abs(Y) ** 2 / floor).mean(axis=1), width, mode="nearest")
+    excess = uniform_filter1d((np.abs(Y) ** 2 / floor).mean(axis=1), width, mode="mirror")
+    excess = excess[: len(Y) - width]  # fewer bins under the smoother's end
     above = np.flatnonzero(excess > 1 + SIGNIFICANCE / np.sqrt(width * Y.shape[1]))
     last = above[-1] + 1 if len(above) else len(Y)
     return int(np.clip(np.ceil(MARGIN * last), min(len(Y), SHORTEST), len(Y)))

@@ -18,6 +18,7 @@ from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.in_band import Spectra, observations
 from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
 from sysid_bench.mechanics.response import Maps, Modes, forced, image, modes_of, output_modes, transfer, transient
+from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.nouns import Array, Diverged
 
 Complex = NDArray[np.complex128]
@@ -70,17 +71,9 @@ class Parameters:
     slope: Callable[[Array], Array] | None = None
 
 
-def matrices(theta: Array, n: int) -> tuple[Array, Array, Array]:
-    """M, D, K of theta = (vech M, vech D, vech K)."""
-    X = np.zeros((3, n, n))
-    i, j = np.triu_indices(n)
-    X[:, i, j] = X[:, j, i] = theta.reshape(3, -1)
-    return X[0], X[1], X[2]
-
-
 def evaluate(theta: Array, runs: Sequence[Run], before: Sequence[Fitted] | None = None) -> Point:
     """The likelihood at theta. Raises Diverged where the matrices cannot be simulated."""
-    modes = modes_of(*matrices(theta, runs[0].maps.n))
+    modes = modes_of(*unpack(theta, runs[0].maps.n))
     fitted = tuple(_fit_run(modes, run, None if before is None else before[k]) for k, run in enumerate(runs))
     cost = sum(f.cost for f in fitted)
     if not np.isfinite(cost):

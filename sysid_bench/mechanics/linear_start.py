@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics import normal_equations as ne
-from sysid_bench.mechanics.hold_rules import hold_spectrum
+from sysid_bench.mechanics.hold_spectra import hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra
 from sysid_bench.mechanics.response import Maps
 from sysid_bench.nouns import Array, NotApplicable

@@ -9,6 +9,7 @@ imaginary strictly upper triangles, which saves a factor of eight.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,25 +20,50 @@ Complex = NDArray[np.complex128]
 POWERS = (2, 1, 0)  # of s, for M, D, K
 
 
-@lru_cache(maxsize=64)
-def _packing(n: int) -> tuple[tuple[Array, Array], tuple[Array, Array], tuple]:
-    """Upper and strictly upper indices, and for each of four pairings where (i,k) and (j,l) are packed."""
+class _Pairing(NamedTuple):
+    """Where the parts of S[i,k] and Omega[j,l] are packed, for one of (ij | ji) x (kl | lk), and their signs."""
+
+    s_real: Array
+    s_imag: Array
+    s_sign: Array
+    o_real: Array
+    o_imag: Array
+    o_sign: Array
+    scale: Array
+
+
+def _where(n: int, hermitian: bool) -> tuple[Array, Array, Array]:
+    """Index of the real and imaginary part of entry (i, j) in its packed row, and the sign of the latter."""
+    if not hermitian:
+        entry = np.arange(n * n).reshape(n, n)
+        return entry, entry, np.ones((n, n))
     upper, strict = np.triu_indices(n), np.triu_indices(n, 1)
     real, imag, sign = np.zeros((n, n), int), np.zeros((n, n), int), np.zeros((n, n))
     real[upper] = real[upper[::-1]] = np.arange(len(upper[0]))
     imag[strict] = imag[strict[::-1]] = np.arange(len(strict[0]))
     sign[strict], sign[strict[::-1]] = 1.0, -1.0
-    i, j = upper
-    off = (i != j).astype(float)
-    pairings = []
-    for a, b, rows in ((i, j, np.ones(len(i))), (j, i, off)):
-        for c, d, columns in ((i, j, np.ones(len(i))), (j, i, off)):
-            ik, jl = (a[:, None], c[None, :]), (b[:, None], d[None, :])
-            scale = rows[:, None] * columns[None, :]
-            pairings.append(
-                (real[ik], real[jl], imag[ik], imag[jl], sign[ik] * scale, sign[jl], scale)
-            )
-    return upper, strict, tuple(pairings)
+    return real, imag, sign
+
+
+@lru_cache(maxsize=64)
+def _pairings(n: int, hermitian: bool) -> tuple[_Pairing, ...]:
+    S, Omega = _where(n, True), _where(n, hermitian)
+    i, j = np.triu_indices(n)
+    one, off = np.ones(len(i)), (i != j).astype(float)
+    found = []
+    for a, b, rows in ((i, j, one), (j, i, off)):
+        for c, d, columns in ((i, j, one), (j, i, off)):
+            ik, jl = np.ix_(a, c), np.ix_(b, d)
+            found.append(_Pairing(*(x[ik] for x in S), *(x[jl] for x in Omega), np.outer(rows, columns)))
+    return tuple(found)
+
+
+def _packed(X: Complex, hermitian: bool) -> tuple[Array, Array]:
+    """Real and imaginary parts of (F, n, n), one row per bin."""
+    if not hermitian:
+        return X.real.reshape(len(X), -1), X.imag.reshape(len(X), -1)
+    n = X.shape[1]
+    return X[:, *np.triu_indices(n)].real, X[:, *np.triu_indices(n, 1)].imag
 
 
 def parameters(n: int) -> int:
@@ -45,44 +71,41 @@ def parameters(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def information(S: Complex, Omega: Complex, omega: Array) -> Array:
+def information(S: Complex, Omega: Complex, omega: Array, hermitian: bool = True) -> Array:
     """(3q, 3q) real sum over f of conj(s^b) s^b' S[i,k] Omega[j,l], symmetrised; s = j omega.
 
-    S (F, n, n) = (s^a C G)^H W (s^a C G); Omega (F, n, n) = conj(q) q^T; both Hermitian.
+    S (F, n, n) = (s^a C G)^H W (s^a C G), Hermitian; Omega (F, n, n) = conj(q) q^T, Hermitian unless said.
     """
     n = S.shape[1]
-    upper, strict, _ = _packing(n)
-    Sr, Si = S[:, *upper].real, S[:, *strict].imag
-    Or, Oi = Omega[:, *upper].real, Omega[:, *strict].imag
-    rr, ii, ri, ir = {}, {}, {}, {}
+    Sr, Si = _packed(S, True)
+    Or, Oi = _packed(Omega, hermitian)
+    blocks = []
     for m in range(5):
         scale = (omega**m)[:, None]
-        if m % 2 == 0:
-            rr[m], ii[m] = (Sr * scale).T @ Or, (Si * scale).T @ Oi
-        else:
-            ri[m], ir[m] = (Sr * scale).T @ Oi, (Si * scale).T @ Or
-    blocks = {m: _even(rr[m], ii[m], n) if m % 2 == 0 else _odd(ri[m], ir[m], n) for m in range(5)}
+        real, imag = (Sr * scale).T, (Si * scale).T
+        parts = (real @ Or, imag @ Oi) if m % 2 == 0 else (real @ Oi, imag @ Or)
+        blocks.append((_even if m % 2 == 0 else _odd)(*parts, _pairings(n, hermitian)))
     # conj(s^b) s^b' = (-1)^b j^(b+b') omega^(b+b'); Re(j^m X) = Re X, -Im X, -Re X, Im X for m = 0..3
     turn = (1, -1, -1, 1, 1)
     return np.block([[(-1) ** b * turn[b + c] * blocks[b + c] for c in POWERS] for b in POWERS])
 
 
-def _even(rr: Array, ii: Array, n: int) -> Array:
-    total = 0.0
-    for rik, rjl, iik, ijl, sik, sjl, scale in _packing(n)[2]:
-        total = total + scale * rr[rik, rjl]
-        if n > 1:
-            total = total - sik * sjl * ii[iik, ijl]
-    return total
+def _take(X: Array, rows: Array, columns: Array) -> Array | float:
+    return X[rows, columns] if X.size else 0.0  # one degree of freedom has no imaginary parts
 
 
-def _odd(ri: Array, ir: Array, n: int) -> Array:
-    if n == 1:
-        return np.zeros((1, 1))
-    total = 0.0
-    for rik, rjl, iik, ijl, sik, sjl, scale in _packing(n)[2]:
-        total = total + scale * sjl * ri[rik, ijl] + sik * ir[iik, rjl]
-    return total
+def _even(rr: Array, ii: Array, pairings: tuple[_Pairing, ...]) -> Array:
+    return sum(
+        p.scale * (_take(rr, p.s_real, p.o_real) - p.s_sign * p.o_sign * _take(ii, p.s_imag, p.o_imag))
+        for p in pairings
+    )
+
+
+def _odd(ri: Array, ir: Array, pairings: tuple[_Pairing, ...]) -> Array:
+    return sum(
+        p.scale * (p.o_sign * _take(ri, p.s_real, p.o_imag) + p.s_sign * _take(ir, p.s_imag, p.o_real))
+        for p in pairings
+    )
 
 
 def gradient(s: Complex, back: Complex, q: Complex) -> Array:

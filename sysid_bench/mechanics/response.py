@@ -14,7 +14,7 @@ import scipy.linalg as sl
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
-from sysid_bench.mechanics.hold_rules import exact_rule, hold_spectrum
+from sysid_bench.mechanics.hold_spectra import discrete_modes, hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra
 from sysid_bench.nouns import Array, Diverged
 
@@ -78,9 +78,9 @@ def forced(modes: Modes, maps: Maps, data: Spectra, F: int) -> Complex:
     inputs = (modes.left @ maps.L).T
     if data.hold == "bandlimited":
         return _steady(modes, maps, data, inputs)[:F]
-    discrete, weights = exact_rule(modes.poles, data.h, data.hold)
+    discrete, weights = discrete_modes(modes.poles, data.h, data.hold)
     z = np.exp(1j * data.omega[:F] * data.h)
-    modal = sum((data.drive[j, :F] @ inputs) * weights[:, j] for j in range(len(data.drive)))
+    modal = sum((data.drive[j, :F] @ inputs) * weights[j] for j in range(len(data.drive)))
     Y = (modal / (z[:, None] - discrete)) @ output_modes(modes, maps).T
     if maps.power == 2:
         Y = Y + data.U[:F] @ (maps.C @ modes.gain @ maps.L).T
