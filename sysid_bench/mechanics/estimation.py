@@ -61,7 +61,9 @@ def problem_of(records: list[Record], model: Model, noise: str, definite: bool) 
     free = free_mask(model)
     if not free.all() and not model.has_values:
         raise InputError("entries that are not free need values: give mass, damping and stiffness.")
-    known = pack(model.mass, model.damping, model.stiffness) if model.has_values else np.zeros(ntheta(model.n))
+    known = (
+        pack(model.mass, model.damping, model.stiffness) if model.has_values else np.zeros(ntheta(model.n))
+    )
     maps = Maps(model.input_map, model.output_map, POWER[model.output])
     return Problem(tuple(records), maps, free, known, noise, definite)
 
@@ -75,9 +77,7 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
 
 def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
     """The fit under another hold, on the same bins, from the fit under the first."""
-    runs = [
-        replace(run, data=_data(record, hold)) for run, record in zip(other.runs, problem.records)
-    ]
+    runs = [replace(run, data=_data(record, hold)) for run, record in zip(other.runs, problem.records)]
     return Fit(problem, runs, _maximise(problem, runs, other.maximum.theta))
 
 
@@ -142,7 +142,9 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
     periods = min(r.N * r.h for r in fit.problem.records) * slowest / (2 * np.pi)
     warnings = [str(v) for k, v in said.items() if k.endswith("warning")]
     if periods < SHORT_RECORD:
-        warnings.append(f"the record holds {periods:.1f} periods of the slowest mode, fewer than {SHORT_RECORD:g}")
+        warnings.append(
+            f"the record holds {periods:.1f} periods of the slowest mode, fewer than {SHORT_RECORD:g}"
+        )
     diagnostics = {
         **{k: v for k, v in said.items() if not k.endswith("warning")},
         "iterations": fit.maximum.iterations,

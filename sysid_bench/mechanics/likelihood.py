@@ -17,7 +17,16 @@ from scipy.fft import irfft, rfft
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.in_band import Spectra, observations
 from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
-from sysid_bench.mechanics.response import Maps, Modes, forced, image, modes_of, output_modes, transfer, transient
+from sysid_bench.mechanics.response import (
+    Maps,
+    Modes,
+    forced,
+    image,
+    modes_of,
+    output_modes,
+    transfer,
+    transient,
+)
 from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.nouns import Array, Diverged
 
@@ -26,6 +35,7 @@ IMAGES = (0, -1, 1)
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
 LIMIT = 60
 FAILURES = 9
+ROUNDING = 1e-9  # of the output
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +52,10 @@ class Run:
     def count(self) -> float:
         share = 1.0 if self.data.mask is None else float(self.data.mask.mean())
         return share * observations(self.data.weight[: self.F])
+
+    @property
+    def power(self) -> Array:
+        return np.maximum((np.abs(self.data.Y[: self.F]) ** 2).mean(axis=0), 1e-300)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +100,12 @@ def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
     bins = F if data.mask is None else len(data.omega)
     W = run.weight if run.weight is not None else before.W if before is not None else None
     if W is None:
-        W = 1 / np.maximum((np.abs(data.Y[:F]) ** 2).mean(axis=0), 1e-300)[None]
-    Y, free, c = forced(modes, run.maps, data, bins), transient(modes, data, bins), output_modes(modes, run.maps)
+        W = 1 / run.power[None]
+    Y, free, c = (
+        forced(modes, run.maps, data, bins),
+        transient(modes, data, bins),
+        output_modes(modes, run.maps),
+    )
     gram = (np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse).real
     start = np.zeros(2 * modes.n, dtype=complex)
     for _ in range(1 if data.mask is None else 4):  # with gaps the gram is that of the complete record
@@ -97,7 +115,7 @@ def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
     R = _residual(data, Y + (free * start) @ c.T)[:F]
     if run.weight is not None:
         return Fitted(R, start, free[:F], run.weight, given(R, run.weight))
-    return Fitted(R, start, free[:F], *estimated(R, run.count, run.noise))
+    return Fitted(R, start, free[:F], *estimated(R, run.power, run.count, run.noise))
 
 
 def _residual(data: Spectra, Y: Complex) -> Complex:
@@ -159,7 +177,9 @@ class Maximum:
     point: Point
 
 
-def maximise(runs: Sequence[Run], phi: Array, parameters: Parameters | None = None, limit: int = LIMIT) -> Maximum:
+def maximise(
+    runs: Sequence[Run], phi: Array, parameters: Parameters | None = None, limit: int = LIMIT
+) -> Maximum:
     """Levenberg-Marquardt from phi. Raises Diverged where not even the start can be simulated."""
     parameters = parameters or Parameters()
     point = evaluate(parameters.value(phi), runs)
@@ -174,7 +194,15 @@ def maximise(runs: Sequence[Run], phi: Array, parameters: Parameters | None = No
             break
         phi, point, mu = step.phi, step.point, step.mu
     H, _ = information_and_gradient(point, runs)
-    return Maximum(point.theta, H, point.cost, it, converged, point)
+    return Maximum(point.theta, H, point.cost, it, converged or _at_rounding(point, runs), point)
+
+
+def _at_rounding(point: Point, runs: Sequence[Run]) -> bool:
+    """True where the residual is nothing but arithmetic: the record has no noise."""
+    return all(
+        np.linalg.norm(fit.R) < ROUNDING * np.linalg.norm(run.data.Y[: run.F])
+        for fit, run in zip(point.runs, runs)
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,9 @@ Complex = NDArray[np.complex128]
 FILTER_DAMPING = 1.4
 
 
-def equation_error_normal(data: Spectra, maps: Maps, F: int, noise_power: Array | None = None) -> tuple[Array, Array]:
+def equation_error_normal(
+    data: Spectra, maps: Maps, F: int, noise_power: Array | None = None
+) -> tuple[Array, Array]:
     """H (3q, 3q), g (3q,) of the equation-error least squares, the boundary terms eliminated.
 
     noise_power (ny,): E|noise|^2 per bin to take out, None for plain least squares. Raises NotApplicable
@@ -52,9 +54,9 @@ def _filter(omega: Array, Q: Complex) -> tuple[Complex, Array]:
 
 
 def _without_boundary(weight, s, W, weighted, Q, power, H, g) -> tuple[Array, Array]:
-    """Eliminate the polynomial of the record's ends: s, 1 and one 1/s per integration of the output."""
+    """Eliminate the polynomial of the record's ends: s^2 (folding), s, 1 and one 1/s per integration."""
     n = Q.shape[1]
-    columns = np.stack([s ** (1 - p) for p in range(2 + power)], axis=1) * weight[:, None]
+    columns = np.stack([s ** (2 - p) for p in range(3 + power)], axis=1) * weight[:, None]
     columns = columns / np.sqrt((np.abs(columns) ** 2).sum(axis=0))
     terms = columns.shape[1]
     wdiag = np.einsum("fii->fi", W).real

@@ -13,6 +13,7 @@ from sysid_bench.nouns import Array
 
 Complex = NDArray[np.complex128]
 TINY = 1e-300
+BEST_RATIO = 1e-8  # noise to signal, 80 dB: a better sensor counts as that good, or as the worst one
 
 
 def weigh(W: Array, X: Complex) -> Complex:
@@ -31,9 +32,15 @@ def modal_gram(d: Complex, c: Complex, W: Array) -> Complex:
     return sum((np.conj(d).T * W[:, i]) @ d * np.outer(np.conj(c[i]), c[i]) for i in range(len(c)))
 
 
-def variances(R: Complex, count: float) -> Array:
-    """(ny,) noise variances from residuals with `count` real observations per channel."""
-    return np.maximum((np.abs(R) ** 2).sum(axis=0) / count, TINY)
+def variances(R: Complex, power: Array, count: float) -> tuple[Array, Array]:
+    """(ny,) noise variances from residuals with `count` real observations per channel, and what to divide by.
+
+    They differ where a sensor is cleaner than BEST_RATIO: without a floor, the first channel to be fitted
+    exactly would drown the others.
+    """
+    v = (np.abs(R) ** 2).sum(axis=0) / count
+    worst = (v / power).max()
+    return v, np.maximum(np.maximum(v, min(worst, max(BEST_RATIO, 1e-6 * worst)) * power), TINY)
 
 
 def covariance(R: Complex, count: float) -> Array:
@@ -42,13 +49,16 @@ def covariance(R: Complex, count: float) -> Array:
     return S + 1e-14 * np.trace(S) / len(S) * np.eye(len(S)) + TINY * np.eye(len(S))
 
 
-def estimated(R: Complex, count: float, kind: str) -> tuple[Array, float]:
-    """Weight and the concentrated negative log-likelihood (up to a constant), kind diagonal or full."""
+def estimated(R: Complex, power: Array, count: float, kind: str) -> tuple[Array, float]:
+    """Weight and the concentrated negative log-likelihood (up to a constant), kind diagonal or full.
+
+    power (ny,): of the output per channel.
+    """
     if kind == "full":
         S = covariance(R, count)
         return np.linalg.inv(S)[None], 0.5 * count * float(np.linalg.slogdet(S)[1])
-    v = variances(R, count)
-    return 1 / v[None, :], 0.5 * count * float(np.log(v).sum())
+    v, floored = variances(R, power, count)
+    return 1 / floored[None, :], 0.5 * count * float((np.log(floored) + v / floored).sum())
 
 
 def given(R: Complex, W: Array) -> float:

@@ -20,7 +20,9 @@ from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.nouns import Array, Diverged
 
 Complex = NDArray[np.complex128]
-FLOOR = 0.02  # of the largest eigenvalue: what the filter's matrices are kept above, or the first step overflows
+FLOOR = (
+    0.02  # of the largest eigenvalue: what the filter's matrices are kept above, or the first step overflows
+)
 
 
 def definite(X: Array, floor: float = FLOOR) -> Array:
@@ -47,7 +49,7 @@ def _filtered(data: Spectra, maps: Maps, F: int, theta: Array) -> _Filtered:
     G = np.linalg.inv(s[:, None, None] ** 2 * M + s[:, None, None] * D + K)
     Q = (data.Y[first:F] @ np.linalg.pinv(maps.C).T) / (s**maps.power)[:, None]
     drive = (data.U[first:F] * hold_spectrum(s.imag, data.h, data.hold)[:, None]) @ maps.L.T
-    columns = np.stack([s ** (1 - p) for p in range(2 + maps.power)], axis=1) * data.weight[first:F, None]
+    columns = np.stack([s ** (2 - p) for p in range(3 + maps.power)], axis=1) * data.weight[first:F, None]
     ends = (G[:, :, :, None] * columns[:, None, None, :]).reshape(len(s), maps.n, -1)
     return _Filtered(s, G, Q, drive, ends / np.sqrt((np.abs(ends) ** 2).sum(axis=(0, 1))))
 
@@ -93,9 +95,12 @@ def refine(
         try:
             new, _ = _step(data, maps, F, theta)
         except np.linalg.LinAlgError as problem:
-            raise Diverged(f"refined instrumental variables: step {step} has no solution ({problem}).") from None
+            raise Diverged(
+                f"refined instrumental variables: step {step} has no solution ({problem})."
+            ) from None
         change = max(
-            np.linalg.norm(a - b) / np.linalg.norm(a) for a, b in zip(new.reshape(3, -1), theta.reshape(3, -1))
+            np.linalg.norm(a - b) / np.linalg.norm(a)
+            for a, b in zip(new.reshape(3, -1), theta.reshape(3, -1))
         )
         theta = new
         if not np.all(np.isfinite(theta)):
@@ -103,4 +108,3 @@ def refine(
         if change < tolerance:
             return theta, step, True
     return theta, steps, False
-

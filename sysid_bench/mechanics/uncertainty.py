@@ -48,7 +48,7 @@ def modal_uncertainty(M: Array, D: Array, K: Array, covariance: Array) -> ModalU
     zeta = -poles.real / size
     zeta_slope = -slopes.real / size[:, None] - (zeta / size)[:, None] * omega_slope
     omega_std, zeta_std = (
-        np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", J, covariance, J), 0.0)) for J in (omega_slope, zeta_slope)
+        np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", J, covariance, J), 0.0))
+        for J in (omega_slope, zeta_slope)
     )
     return ModalUncertainty(poles, np.abs(poles), omega_std, zeta, zeta_std)
-

@@ -59,5 +59,7 @@ def _likeliest(problem: Problem, periodic: bool) -> Estimate:
     margin = fits[second].cost - fits[best].cost
     said = {"hold": best, "hold_runner_up": second, "hold_margin": margin}
     if margin < UNDECIDED:
-        said["hold_warning"] = f"hold not decidable: {second} is only {margin:.1f} of log-likelihood behind {best}"
+        said["hold_warning"] = (
+            f"hold not decidable: {second} is only {margin:.1f} of log-likelihood behind {best}"
+        )
     return estimate_of(fits[best], said)

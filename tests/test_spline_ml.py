@@ -1,0 +1,132 @@
+"""In-band maximum likelihood: exact without noise, at the bound with it, whatever is driven, seen or held."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sysid_bench import conf
+from sysid_bench.build import build
+from sysid_bench.mechanics.fisher import crlb
+from sysid_bench.mechanics.simulate import simulate
+from sysid_bench.methods.spline_ml import SplineML
+from sysid_bench.nouns import InputError, Model, NotApplicable, Plant, Record
+from sysid_bench.score import relative_error
+
+
+def plant_named(name: str, **changes) -> Plant:
+    return replace(build(conf.option("plant", name)), **changes)
+
+
+def knots(per_knot: int, N: int, nu: int, rng: np.random.Generator) -> np.ndarray:
+    from scipy.interpolate import CubicSpline
+
+    count = N // per_knot + 4
+    return CubicSpline(np.arange(count), rng.standard_normal((count, nu)))(np.arange(N) / per_knot)
+
+
+def record_of(
+    plant: Plant, h: float, N: int = 1200, hold: str = "cubic", snr_db: float | None = None, seed: int = 1,
+    per_knot: int = 2, start: float = 0.0,
+) -> tuple[Record, np.ndarray]:  # fmt: skip
+    rng = np.random.default_rng(seed)
+    u = knots(per_knot, N, plant.nu, rng)
+    period = N if hold == "bandlimited" else None
+    states = simulate(replace(plant, output="displacement"), u, h, hold, None, period)
+    x0 = start * np.concatenate([states[N // 2], states[N // 3]])
+    y = simulate(plant, u, h, hold, x0, period)
+    variance = np.zeros(plant.ny) if snr_db is None else y.var(axis=0) * 10 ** (-snr_db / 10)
+    y = y + rng.standard_normal(y.shape) * np.sqrt(variance)
+    return Record(h * np.arange(N), u, y, hold, period=N if hold == "bandlimited" else None), variance
+
+
+def worst_error(estimate, plant: Plant) -> float:
+    return max(
+        relative_error(got, truth)
+        for got, truth in zip(
+            (estimate.M, estimate.D, estimate.K), (plant.mass, plant.damping, plant.stiffness), strict=True
+        )
+    )
+
+
+@pytest.mark.parametrize(("name", "h"), [("three_dof", 0.5), ("three_dof", 0.05), ("eight_dof", 0.05)])
+@pytest.mark.parametrize("hold", ["zoh", "foh", "cubic", "bandlimited"])
+def test_a_noise_free_record_gives_the_plant_back(name: str, h: float, hold: str) -> None:
+    plant = plant_named(name)
+    record, _ = record_of(plant, h, hold=hold, start=0.5)
+    assert worst_error(SplineML().fit(record, Model(n=plant.n)), plant) < 1e-10
+
+
+@pytest.mark.parametrize("output", ["velocity", "acceleration"])
+def test_velocities_and_accelerations_will_do(output: str) -> None:
+    plant = plant_named("three_dof", output=output)
+    record, _ = record_of(plant, 0.25, start=0.5)
+    assert worst_error(SplineML().fit(record, plant.model().structure_only()), plant) < 1e-10
+
+
+def test_fewer_forces_than_masses_will_do_where_the_record_tells() -> None:
+    plant = plant_named("three_dof", input_map=np.eye(3)[:, :2])
+    record, _ = record_of(plant, 0.25)
+    assert worst_error(SplineML().fit(record, plant.model().structure_only()), plant) < 1e-9
+
+
+def test_known_entries_stay_and_help() -> None:
+    plant = plant_named("three_dof")
+    record, variance = record_of(plant, 0.1, snr_db=15)
+    mask = np.eye(3, dtype=bool)
+    estimate = SplineML().fit(record, replace(plant.model(), free={"mass": mask}))
+    assert np.array_equal(estimate.M[~mask], plant.mass[~mask])
+    assert np.all(estimate.std("M")[~mask] == 0) and np.all(estimate.std("M")[mask] > 0)
+    assert estimate.std("K").sum() < SplineML().fit(record, Model(n=3)).std("K").sum()
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh", "cubic"])
+def test_the_likelihood_finds_the_hold(hold: str) -> None:
+    plant = plant_named("three_dof")
+    record, _ = record_of(plant, 0.5, N=3000, hold=hold, snr_db=25)
+    estimate = SplineML(hold="auto").fit(record, Model(n=3))
+    assert estimate.diagnostics["hold"] == hold and estimate.diagnostics["hold_margin"] > 3
+
+
+def test_several_records_weigh_together() -> None:
+    plant = plant_named("three_dof")
+    first, _ = record_of(plant, 0.25, snr_db=15, seed=1)
+    second, _ = record_of(plant, 0.1, snr_db=10, seed=2, per_knot=6)
+    both = SplineML().fit([first, second], Model(n=3))
+    for record in (first, second):
+        assert both.std("D").sum() < SplineML().fit(record, Model(n=3)).std("D").sum()
+    assert worst_error(both, plant) < 0.1
+
+
+def test_its_covariance_is_the_cramer_rao_bound() -> None:
+    plant = plant_named("three_dof")
+    record, variance = record_of(plant, 0.25, N=6000, snr_db=20, per_knot=4)
+    estimate, bound = SplineML().fit(record, Model(n=3)), crlb(plant, record, variance)
+    ratio = np.sqrt(np.diag(estimate.covariance) / np.diag(bound.covariance))
+    assert np.all(np.abs(ratio - 1) < 0.1)
+
+
+def test_what_it_cannot_use_is_refused_with_the_way_out() -> None:
+    plant = plant_named("three_dof")
+    record, _ = record_of(plant, 0.25, N=200)
+    with pytest.raises(InputError, match="nu = 3, ny = 3"):
+        SplineML().fit(record, Model(n=2))
+    uneven = replace(record, t=record.t + 0.01 * np.sin(np.arange(200)))
+    with pytest.raises(NotApplicable, match="uneven"):
+        SplineML().fit(uneven, Model(n=3))
+    with pytest.raises(InputError, match="hold must be"):
+        SplineML(hold="spline")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "h", "snr_db"), [("three_dof", 0.1, 15.0), ("eight_dof", 0.0125, 8.0)])
+def test_it_is_at_the_bound(name: str, h: float, snr_db: float) -> None:
+    plant, ratios = plant_named(name), []
+    for seed in range(60):
+        record, variance = record_of(
+            plant, h, 6000, "cubic", snr_db, seed, per_knot=10 if name == "three_dof" else 8
+        )
+        estimate, bound = SplineML().fit(record, Model(n=plant.n)), crlb(plant, record, variance)
+        pairs = (("M", plant.mass), ("D", plant.damping), ("K", plant.stiffness))
+        ratios.append([relative_error(getattr(estimate, x), truth) / getattr(bound, x) for x, truth in pairs])
+    assert np.all(np.sqrt(np.mean(np.square(ratios), axis=0)) < 1.2)
