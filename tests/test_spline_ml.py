@@ -72,7 +72,7 @@ def test_fewer_forces_than_masses_will_do_where_the_record_tells() -> None:
 
 def test_known_entries_stay_and_help() -> None:
     plant = plant_named("three_dof")
-    record, variance = record_of(plant, 0.1, snr_db=15)
+    record, _ = record_of(plant, 0.1, snr_db=15)
     mask = np.eye(3, dtype=bool)
     estimate = SplineML().fit(record, replace(plant.model(), free={"mass": mask}))
     assert np.array_equal(estimate.M[~mask], plant.mass[~mask])
