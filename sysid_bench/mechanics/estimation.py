@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_bench.mechanics.in_band import Spectra, band_edge, spectra
+from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra
 from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, maximise
 from sysid_bench.mechanics.response import POWER, Maps
 from sysid_bench.mechanics.second_order import free_mask, ntheta, pack, poles, unpack
@@ -17,6 +17,8 @@ from sysid_bench.mechanics.start import linear_start, refined_start
 from sysid_bench.nouns import Array, Diverged, Estimate, InputError, Model, NotApplicable, Record
 
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
+BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
+UNEXPLAINED = 1.5
 SHORT_RECORD = 5.0  # periods of the slowest mode
 
 
@@ -69,10 +71,30 @@ def problem_of(records: list[Record], model: Model, noise: str, definite: bool) 
 
 
 def fit_problem(problem: Problem, hold: str) -> Fit:
-    """Maximum likelihood from the linear start, the band widened until it holds the top mode."""
+    """Maximum likelihood from the linear start, the band widened until it holds the top mode.
+
+    Where the search does not end, or ends with more in the band than the noise above it, it starts again on
+    narrower bands; the most likely result counts.
+    """
     runs = [_run(record, problem, hold) for record in problem.records]
-    theta = refined_start(runs, linear_start(runs, problem.free, problem.known))
-    return _settled(problem, runs, theta)
+    tries: list[Fit] = []
+    for share in BANDS:
+        narrow = [replace(run, F=max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
+        theta = refined_start(narrow, linear_start(narrow, problem.free, problem.known))
+        tries.append(_settled(problem, narrow, theta))
+        if tries[-1].maximum.converged and unexplained(tries[-1]) < UNEXPLAINED:
+            return tries[-1]
+    return min(tries, key=lambda fit: (not fit.maximum.converged, unexplained(fit)))
+
+
+def unexplained(fit: Fit) -> float:
+    """Largest ratio of residual power in the band to the noise above it; 1 where nothing is above it."""
+    worst = 1.0
+    for run, fitted in zip(fit.runs, fit.maximum.point.runs):
+        above = power_above(run.data, max(run.F, len(run.data.omega) // 4))
+        if above is not None and np.all(above > 0):
+            worst = max(worst, float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max()))
+    return worst
 
 
 def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
@@ -144,6 +166,11 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
     if periods < SHORT_RECORD:
         warnings.append(
             f"the record holds {periods:.1f} periods of the slowest mode, fewer than {SHORT_RECORD:g}"
+        )
+    if unexplained(fit) > UNEXPLAINED:
+        warnings.append(
+            f"the residual in the band is {unexplained(fit):.1f} times the noise above it: coloured noise (try "
+            "noise: coloured), a wrong hold, or more than a linear model"
         )
     diagnostics = {
         **{k: v for k, v in said.items() if not k.endswith("warning")},

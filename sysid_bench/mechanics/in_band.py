@@ -18,7 +18,7 @@ from sysid_bench.nouns import Array, NotApplicable
 
 Complex = NDArray[np.complex128]
 MARGIN = 1.2  # the band ends this much above the last bin in which the response is seen
-SIGNIFICANCE = 6.0  # standard deviations above the noise floor
+SIGNIFICANCE = 8.0  # standard deviations above the noise floor
 FLOOR_BLOCKS = 12
 SMOOTH = 11  # bins
 SHORTEST = 16
@@ -93,7 +93,6 @@ def band_edge(data: Spectra) -> int:
     """
     if not np.all(np.ptp(data.y, axis=0) > 0):
         raise NotApplicable(f"output channel {int(np.argmin(np.ptp(data.y, axis=0)))} never moves.")
-    F = len(data.omega)
     floor, width = noise_floor(data.Y), SMOOTH
     for _ in range(3):
         edge = _edge(data.Y, floor, width)

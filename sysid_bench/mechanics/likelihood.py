@@ -183,8 +183,9 @@ def maximise(
     """Levenberg-Marquardt from phi. Raises Diverged where not even the start can be simulated."""
     parameters = parameters or Parameters()
     point = evaluate(parameters.value(phi), runs)
-    mu, converged, it = 0.0, False, 0
-    for it in range(1, limit + 1):
+    mu, converged, iterations = 0.0, False, 0
+    while iterations < limit:
+        iterations += 1
         H, g = information_and_gradient(point, runs)
         h, s = (H, g) if parameters.slope is None else _pulled(H, g, parameters.slope(phi))
         step = _step(h, s, phi, mu, point, runs, parameters)
@@ -194,7 +195,7 @@ def maximise(
             break
         phi, point, mu = step.phi, step.point, step.mu
     H, _ = information_and_gradient(point, runs)
-    return Maximum(point.theta, H, point.cost, it, converged or _at_rounding(point, runs), point)
+    return Maximum(point.theta, H, point.cost, iterations, converged or _at_rounding(point, runs), point)
 
 
 def _at_rounding(point: Point, runs: Sequence[Run]) -> bool:
