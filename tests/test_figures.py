@@ -1,6 +1,7 @@
 """A study's table becomes figures that show what is in it."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from make_study import coefficient_study, sweep_study
 
 from sysid_bench.nouns import InputError
 from sysid_bench.views.figures import draw, runs_line, write_figures
-from sysid_bench.views.spec import read_figure, standard_figures, study_figures
+from sysid_bench.views.spec import left_out, read_figure, standard_figures, study_figures
 from sysid_bench.views.strip import failure_share
 from sysid_bench.views.study import curve, read_study, where
 from sysid_bench.views.style import COLOURS, MARKERS, publication
@@ -103,6 +104,13 @@ def test_a_missing_column_is_named(study):
     spec = read_figure({"name": "a", "x": "sampling.h_s", "panels": [{"y": "Z_error"}]})
     with publication() as plt, pytest.raises(InputError, match="no column 'Z_error'"):
         draw(plt, study, spec)
+
+
+def test_a_figure_whose_column_no_run_returned_is_left_out_with_the_reason(study):
+    figures = [*study.config["figures"], {"name": "b", "x": "sampling.h_s", "panels": [{"y": "Z_error"}]}]
+    other = replace(study, manifest={**study.manifest, "config": {**study.config, "figures": figures}})
+    assert [spec.name for spec in study_figures(other)] == ["errors"]
+    assert left_out(other) == ["figure b: the table has no column Z_error."]
 
 
 def test_a_folder_that_is_no_study_is_refused(tmp_path):

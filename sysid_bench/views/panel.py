@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_bench.views.spec import Figure, Panel
 from sysid_bench.views.study import Curve, Study, curve
-from sysid_bench.views.style import BOUND_COLOUR, GUIDE_COLOUR, log_ticks, look
+from sysid_bench.views.style import BOUND_COLOUR, GUIDE_COLOUR, log_ticks, look, wrapped
 
 BOUND = "Cramér-Rao bound (rms)"
 MANY_CURVES = 3  # more than this many bands hide each other: whiskers instead
@@ -139,7 +139,7 @@ def bound_curve(study: Study, spec: Figure, name: str, mask: np.ndarray) -> Curv
 
 def _scale(axis: Any, spec: Figure, panel: Panel) -> None:
     axis.set_title(panel.title, loc="left", pad=14 if spec.vlines or panel.vlines else 6)
-    axis.set_ylabel(panel.label or label_of(spec, panel.y[0]))
+    axis.set_ylabel(wrapped(panel.label or label_of(spec, panel.y[0])))
     if spec.x_log:
         axis.set_xscale("log")
         log_ticks(axis.xaxis, *axis.get_xlim())

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.views.html import flat, image, render, write_page
-from sysid_bench.views.spec import study_figures
+from sysid_bench.views.spec import left_out, study_figures
 from sysid_bench.views.study import Study, failed, read_study
 from sysid_bench.views.summary import ERRORS, Group, Number, failures, measured_columns, plain, summarise
 
@@ -23,6 +23,7 @@ def write_report(study: Study, figures: Sequence[Path]) -> Path:
         command=command(study), images=[_image(study, p) for p in figures if p.suffix == ".svg"],
         axes=study.axes, columns=[_heading(c) for c in columns], bounds=any(c in ERRORS for c in columns),
         groups=[_group_words(g, columns) for g in summarise(study)],
+        left_out=left_out(study),
         failures=[(*f[:4], f"{f[4]:.0%}", f[5]) for f in failures(study)], config=config_text(study),
         origin=flat(study.manifest.get("origin") or {}),
     )  # fmt: skip

@@ -93,9 +93,24 @@ def _known(kind: type, node: Mapping[str, Any], what: str) -> dict[str, Any]:
 
 
 def study_figures(study: Study) -> list[Figure]:
-    """The figures that the study's yaml asks for; else the standard ones for its columns."""
-    asked = study.config.get("figures") or []
-    return [read_figure(node) for node in asked] or standard_figures(study)
+    """The figures that the study's yaml asks for, else the standard ones; without those of left_out."""
+    asked = [read_figure(node) for node in study.config.get("figures") or []]
+    return [spec for spec in asked or standard_figures(study) if not _absent(study, spec)]
+
+
+def left_out(study: Study) -> list[str]:
+    """Why figures cannot be drawn: columns that the table lacks (misspelt, or no run returned them)."""
+    specs = [read_figure(node) for node in study.config.get("figures") or []]
+    absent = [(spec.name, _absent(study, spec)) for spec in specs]
+    return [
+        f"figure {name}: the table has no column {', '.join(columns)}." for name, columns in absent if columns
+    ]
+
+
+def _absent(study: Study, spec: Figure) -> list[str]:
+    wanted = [spec.x, *([spec.series] if spec.series else []), *spec.where]
+    wanted += [c for p in spec.panels for c in (*p.y, *p.bound, *p.theory, *p.where)]
+    return [column for column in dict.fromkeys(wanted) if column not in study.columns]
 
 
 def standard_figures(study: Study) -> list[Figure]:

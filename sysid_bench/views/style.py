@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import contextmanager
 from typing import Any
 
@@ -74,6 +75,16 @@ def _plain(value: float) -> str:
     exponent = floor(log10(value) + 1e-9)
     mantissa = value / 10**exponent
     return f"$10^{{{exponent}}}$" if abs(mantissa - 1) < 1e-6 else f"${mantissa:g}\\cdot10^{{{exponent}}}$"
+
+
+def wrapped(text: str, width: int = 34) -> str:
+    """A label in lines of about `width` characters; mathematics between $ is not broken."""
+    lines = [""]
+    for word in re.findall(r"(?:\$[^$]*\$|[^\s$])+", text):
+        if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    return "\n".join(lines)
 
 
 def save(figure: Any, folder: Any, name: str) -> list[Any]:

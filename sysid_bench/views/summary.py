@@ -101,7 +101,8 @@ def _number(study: Study, column: str, rows: np.ndarray) -> Number:
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    largest = np.abs(values).max()  # scaled: squares of what diverged overflow
+    return float(largest * np.sqrt(np.mean((values / largest) ** 2))) if largest > 0 else 0.0
 
 
 def failures(study: Study) -> list[tuple[str, str, str, int, float, str]]:
