@@ -71,9 +71,9 @@ def _words(figure: Any, study: Study, spec: Figure, mask: np.ndarray, handles: d
     last = [k for k in handles if k in (label_of(spec, BOUND), label_of(spec, "theory"))]
     entries = {k: handles[k] for k in [*(k for k in handles if k not in last), *last]}
     if entries:
-        figure.legend(
-            entries.values(), entries.keys(), loc="outside lower center", ncols=min(len(entries), 4)
-        )
+        room = int(13 * figure.get_figwidth() / (6 + max(len(words) for words in entries)))
+        ncols = max(1, min(room, len(entries)))
+        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=ncols)
     head(figure, spec.title, runs_line(study, spec, mask))
 
 
@@ -91,10 +91,16 @@ def runs_line(study: Study, spec: Figure, mask: np.ndarray) -> str:
     runs = f"{min(counts)}" if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
     if max(counts) == 1:
         return "one run per point"
-    hollow = (
-        "; open mark: some runs gave no estimate" if (study.columns["status"][mask] != "ok").any() else ""
-    )
+    hollow = "; open mark: some runs gave no estimate" if _some_missing(study, spec, mask) else ""
     return f"median and 10-90 % range of {runs} runs per point{hollow}"
+
+
+def _some_missing(study: Study, spec: Figure, mask: np.ndarray) -> bool:
+    for panel in spec.panels:
+        rows = mask & where(study.columns, panel.where) & (study.columns["status"] != "not_applicable")
+        if any(not np.isfinite(study.columns[y][rows]).all() for y in panel.y):
+            return True
+    return False
 
 
 def run_counts(study: Study, spec: Figure, mask: np.ndarray) -> list[int]:

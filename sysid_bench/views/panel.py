@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from sysid_bench.views.spec import Figure, Panel
-from sysid_bench.views.study import Curve, Study, curve
+from sysid_bench.views.study import Curve, Study, curve, numbers_of
 from sysid_bench.views.style import BOUND_COLOUR, GUIDE_COLOUR, log_ticks, look, wrapped
 
+Mode = Literal["band", "whiskers", "theory", "words"]
 BOUND = "Cramér-Rao bound (rms)"
 MANY_CURVES = 3  # more than this many bands hide each other: whiskers instead
 
@@ -35,23 +36,28 @@ def draw_panel(
     """Curves, bound, theory and marks of one panel; returns legend label -> handle."""
     handles: dict[str, Any] = {}
     curves = [(value, i, j) for i, value in enumerate(series) for j in range(len(panel.y))]
-    for value, i, j in curves:
+    for k, (value, i, j) in enumerate(curves):
         rows = mask if value is None else mask & (study.columns[spec.series or ""] == value)
-        if not rows.any():
-            continue
         data = curve(study.columns, spec.x, panel.y[j], rows)
         if not np.isfinite(data.median).any():
             continue
         style, label = curve_look(spec, panel, value, i, j, len(series))
-        handles[label] = _draw_curve(
-            axis, positions(study, spec, data.x), data, style, bool(panel.theory), len(curves)
-        )
+        x, mode = positions(study, spec, data.x), curve_mode(study, spec, panel, len(curves))
+        x = x + (k - (len(curves) - 1) / 2) * 0.7 / len(curves) if mode == "words" else x
+        handles[label] = draw_curve(axis, x, data, style, mode)
         if panel.theory:
             handles |= _draw_theory(axis, study, spec, panel, rows, j, style)
     handles |= _draw_bounds(axis, study, spec, panel, mask)
     _scale(axis, spec, panel)
     handles |= _marks(axis, spec, panel)
     return handles
+
+
+def curve_mode(study: Study, spec: Figure, panel: Panel, curves: int) -> Mode:
+    """How a curve is drawn: no line between words, faint lines beside theory, bands while they are few."""
+    if study.columns[spec.x].dtype.kind not in "fiu":
+        return "words"
+    return "theory" if panel.theory else "whiskers" if curves > MANY_CURVES else "band"
 
 
 def curve_look(
@@ -72,32 +78,37 @@ def _shared_columns(spec: Figure) -> list[str]:
     return list(dict.fromkeys(y for panel in spec.panels if len(panel.y) > 1 for y in panel.y))
 
 
-def _draw_curve(
-    axis: Any, x: np.ndarray, data: Curve, style: dict[str, Any], beside_theory: bool, curves: int
-) -> Any:
-    colour = style["color"]
+def draw_curve(axis: Any, x: np.ndarray, data: Curve, style: dict[str, Any], mode: Mode) -> Any:
+    """Median as line and marks (hollow where runs are missing), quantiles as a band or as whiskers; a legend handle."""
     seen = np.isfinite(data.median)
-    line_style = {**style, "marker": ""} | ({"linewidth": 0.6, "alpha": 0.6} if beside_theory else {})
-    axis.plot(x[seen], data.median[seen], **line_style)
-    if beside_theory or curves > MANY_CURVES:
-        spread = np.abs(np.array([data.median - data.low, data.high - data.median]))
-        axis.errorbar(
-            x[seen], data.median[seen], spread[:, seen], fmt="none", ecolor=colour, elinewidth=0.8, alpha=0.55
-        )
+    x, median, low, high, missing = (v[seen] for v in (x, data.median, data.low, data.high, data.missing))
+    if mode != "words":
+        faint = {"linewidth": 0.6, "alpha": 0.6} if mode == "theory" else {}
+        axis.plot(x, median, **style | {"marker": ""} | faint)
+    if mode == "band":
+        axis.fill_between(x, low, high, color=style["color"], alpha=0.16, linewidth=0)
     else:
-        axis.fill_between(x[seen], data.low[seen], data.high[seen], color=colour, alpha=0.16, linewidth=0)
-    whole, part = seen & (data.missing == 0), seen & (data.missing > 0)
+        axis.errorbar(
+            x,
+            median,
+            [median - low, high - median],
+            fmt="none",
+            ecolor=style["color"],
+            elinewidth=0.8,
+            alpha=0.6,
+        )
+    size = 3.6 if mode == "theory" else 4.5
     marks = {
         "linestyle": "",
         "marker": style["marker"],
-        "color": colour,
+        "color": style["color"],
         "zorder": 3,
-        "markersize": 3.6 if beside_theory else 4.5,
+        "markersize": size,
     }
-    axis.plot(x[whole], data.median[whole], **marks)
-    axis.plot(x[part], data.median[part], **marks, markerfacecolor="white")
-    (proxy,) = axis.plot([], [], **({**style, "linestyle": ""} if beside_theory else style))
-    return proxy
+    axis.plot(x[missing == 0], median[missing == 0], **marks)
+    axis.plot(x[missing > 0], median[missing > 0], **marks, markerfacecolor="white")
+    (handle,) = axis.plot([], [], **style | ({"linestyle": ""} if mode in ("words", "theory") else {}))
+    return handle
 
 
 def positions(study: Study, spec: Figure, x: np.ndarray) -> np.ndarray:
@@ -121,20 +132,27 @@ def _draw_theory(
 
 def _draw_bounds(axis: Any, study: Study, spec: Figure, panel: Panel, mask: np.ndarray) -> dict[str, Any]:
     handles = {}
+    look_of_bound = {
+        "color": BOUND_COLOUR,
+        "alpha": 0.75,
+        "zorder": 1.5,
+        "linestyle": (0, (1, 0.6)),
+        "linewidth": 2.2,
+    }
     for name in panel.bound:
         data = bound_curve(study, spec, name, mask)
-        (line,) = axis.plot(positions(study, spec, data.x), data.median, color=BOUND_COLOUR, linewidth=2.2, alpha=0.75, zorder=1.5,
-                            linestyle=(0, (1, 0.6)), dash_capstyle="butt")  # fmt: skip
-        handles[label_of(spec, BOUND)] = line
+        x = positions(study, spec, data.x)
+        if data.x.dtype.kind in "fiu":
+            (handles[label_of(spec, BOUND)],) = axis.plot(x, data.median, **look_of_bound)
+        else:
+            handles[label_of(spec, BOUND)] = axis.hlines(data.median, x - 0.42, x + 0.42, **look_of_bound)
     return handles
 
 
 def bound_curve(study: Study, spec: Figure, name: str, mask: np.ndarray) -> Curve:
     """Median over the records of their bound; a record is counted however the methods fared on it."""
     columns = {**study.columns, "status": np.full(study.rows, "ok", dtype=object)}
-    return curve(
-        columns, spec.x, name, mask & np.isfinite(study.columns.get(name, np.full(study.rows, np.nan)))
-    )
+    return curve(columns, spec.x, name, mask & np.isfinite(numbers_of(study.columns, name)))
 
 
 def _scale(axis: Any, spec: Figure, panel: Panel) -> None:

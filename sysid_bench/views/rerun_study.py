@@ -154,7 +154,7 @@ def _record_tab(path: Path, record: Any) -> Any:
         signal_view(f"record/{g}", f"{g} against the sample number", axis_x=axis) for g in groups(record)
     ]
     page = rrb.TextDocumentView(origin="record/about", name="about")
-    return rrb.Horizontal(rrb.Vertical(*plots), page, column_shares=[4, 1], name=f"record {path.stem}")
+    return rrb.Horizontal(rrb.Vertical(*plots), page, column_shares=[4, 1], name=f"record {path.stem[:12]}")
 
 
 def _log_record(stream: Any, path: Path, record: Any) -> None:

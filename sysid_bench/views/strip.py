@@ -15,15 +15,13 @@ from sysid_bench.views.style import look
 
 def draw_failures(axis: Any, study: Study, spec: Figure, mask: np.ndarray, series: Sequence[Any]) -> None:
     """Share of the runs that diverged, timed out or broke, for each series, in percent."""
+    words = study.columns[spec.x].dtype.kind not in "fiu"
     for i, value in enumerate(series):
         rows = mask if value is None else mask & (study.columns[spec.series or ""] == value)
         x, share = failure_share(study, spec.x, rows)
-        axis.plot(
-            positions(study, spec, x),
-            100 * share,
-            **{**look(i), "markersize": 3, "linewidth": 1.0},
-            clip_on=False,
-        )
+        shift = (i - (len(series) - 1) / 2) * 0.7 / len(series) if words else 0.0
+        style = look(i) | {"markersize": 3, "linewidth": 1.0} | ({"linestyle": ""} if words else {})
+        axis.plot(positions(study, spec, x) + shift, 100 * share, **style, clip_on=False)
     axis.set_ylim(0, 100)
     axis.set_yticks([0, 50, 100])
     axis.set_ylabel("failed\n(%)", fontsize=7.5)

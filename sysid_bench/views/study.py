@@ -53,8 +53,9 @@ class Study:
         if values.dtype.kind in "fiu":
             return sorted(set(values[np.isfinite(values)]))
         named = [str(v) for v in (self.config.get("axes") or {}).get(column, [])]
+        named += [str(case[column]) for case in self.config.get("cases") or [] if column in case]
         found = dict.fromkeys(str(v) for v in values)
-        return [v for v in named if v in found] + [v for v in found if v not in named]
+        return [v for v in dict.fromkeys(named) if v in found] + [v for v in found if v not in named]
 
 
 def read_study(folder: str | Path) -> Study:
