@@ -149,8 +149,8 @@ class _Search:
         variance = np.mean(residual**2, axis=0)
         if not np.all(np.isfinite(variance)):
             return nowhere
-        # The floor keeps noise-free data from weights that cannot be represented.
-        variance = np.maximum(variance, 1e-24 * self.record.y.var(axis=0))
+        # The floor ends the search on data without noise before it chases rounding.
+        variance = np.maximum(variance, 1e-18 * self.record.y.var(axis=0))
         hessian, gradient = found.normal(residual, 1 / variance)
         return Point(values, variance, hessian[np.ix_(self.live, self.live)], gradient[self.live], found)
 
