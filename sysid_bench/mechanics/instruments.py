@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 from sysid_bench.mechanics.difference import SINGULAR, DifferenceEquation, Orders, from_theta, regressors
 from sysid_bench.nouns import Array, Diverged
 
-# Relative change of theta at which the rounds end.
-CONVERGED = 1e-6
+# The rounds end where no coefficient moves by more than this part of its standard error.
+CONVERGED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +80,10 @@ def instruments(
         problem = _Problem(inverse, inverse.parts(regressors(u, simulated, orders)), inverse.parts(Phi))
         theta = problem.solve(inverse.output(target))
         equation = from_theta(theta, y.shape[1], u.shape[1], orders)
-        if np.linalg.norm(theta - before) < CONVERGED * np.linalg.norm(theta):
+        error = inverse.output(target - Phi @ theta)
+        if np.all(np.abs(theta - before) <= CONVERGED * problem.standard_errors(error)):
             break
-    return theta, problem.influences(inverse.output(target - Phi @ theta), blocks)
+    return theta, problem.influences(error, blocks)
 
 
 class _Problem:
@@ -122,6 +123,10 @@ class _Problem:
 
     def solve(self, target: Array) -> Array:
         return (self.inverse @ self._score(target)).reshape(-1, self.T.shape[1])
+
+    def standard_errors(self, error: Array) -> Array:
+        """(p, ny), roughly: as if the filtered error were white and alike in all outputs."""
+        return np.sqrt(np.abs(np.diag(self.inverse)) * np.mean(error**2)).reshape(-1, self.T.shape[1])
 
     def influences(self, error: Array, blocks: list[slice]) -> Array:
         flat = self.E.reshape(-1, self.E.shape[-1])
