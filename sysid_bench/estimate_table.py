@@ -8,11 +8,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sysid_bench.files.estimate import Z95
+from sysid_bench.files.estimate import MATRIX_NAMES, Z95
 from sysid_bench.nouns import Array, Estimate
 
 LARGEST_GRID = 4
-_NAMES = {"M": "mass", "D": "damping", "K": "stiffness"}
+_WORDS = {"M": "mass", "D": "damping", "K": "stiffness"}
 
 
 def show(estimate: Estimate, console: Console | None = None) -> None:
@@ -25,7 +25,7 @@ def show(estimate: Estimate, console: Console | None = None) -> None:
 
 
 def tables(estimate: Estimate) -> Iterator[Table]:
-    for name in _NAMES:
+    for name in MATRIX_NAMES:
         value, std = getattr(estimate, name), estimate.std(name)
         if value is not None:
             grid = len(value) <= LARGEST_GRID
@@ -35,7 +35,7 @@ def tables(estimate: Estimate) -> Iterator[Table]:
 
 
 def _title(name: str, std: Array | None) -> str:
-    return f"{name} ({_NAMES[name]}, SI){', 95 % intervals' if std is not None else ', no intervals'}"
+    return f"{name} ({_WORDS[name]}, SI){', 95 % intervals' if std is not None else ', no intervals'}"
 
 
 def _grid(name: str, value: Array, std: Array | None) -> Table:

@@ -58,7 +58,7 @@ def simulated(cfg: dict[str, Any]) -> tuple[Record, Model | None]:
 
 def plant_of(model: Model, path: str | Path) -> Plant:
     """The plant that a model file describes. Raises InputError where it has no values."""
-    if not model.has_values:
+    if model.mass is None or model.damping is None or model.stiffness is None:
         raise InputError(f"model {path}: mass, damping and stiffness are wanted to simulate it; it has none.")
     return Plant(
         model.mass, model.damping, model.stiffness, input_map=model.input_map, output_map=model.output_map,

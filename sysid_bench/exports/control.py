@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.files import atomic_write, model_of, write_json
-from sysid_bench.mechanics.second_order import state_space
+from sysid_bench.mechanics.simulate import continuous
 from sysid_bench.nouns import Array, Estimate, InputError
 
 _SCRIPT = '''\
@@ -32,8 +32,7 @@ def state_space_of(
     """
     if estimate.M is not None:
         model = model_of(estimate, values, source)
-        matrices = (model.mass, model.damping, model.stiffness, model.input_map, model.output_map)
-        return *state_space(*matrices, model.output), 0.0
+        return *continuous(model), 0.0
     if estimate.state_space is not None:
         return estimate.state_space
     raise InputError(

@@ -11,13 +11,14 @@ from scipy.io import savemat
 
 from sysid_bench.exports.control import state_space_of
 from sysid_bench.files import atomic_write
+from sysid_bench.files.estimate import MATRIX_NAMES
 from sysid_bench.nouns import Estimate
 
 
 def write(estimate: Estimate, values: Mapping[str, Any], source: Path, path: Path) -> list[str]:
     """Write all numbers; the state space is Ass, Bss, Css, Dss, dt (dt = 0: continuous time)."""
     arrays: dict[str, Any] = {"method": str(values.get("method")), "status": estimate.status}
-    for name in "MDK":
+    for name in MATRIX_NAMES:
         arrays |= {name: getattr(estimate, name), f"{name}_std": estimate.std(name)}
     arrays |= {"covariance": estimate.covariance, "poles": estimate.poles}
     model = values.get("model") or {}

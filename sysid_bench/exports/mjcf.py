@@ -53,12 +53,12 @@ def mjcf(model: Model, source: str) -> ET.Element:
         for k, (value, c) in enumerate(couplings):
             _tendon(tendons, f"{name}{k}", c, {_ATTRIBUTE[name]: repr(value)})
     actuator, sensor = ET.SubElement(root, "actuator"), ET.SubElement(root, "sensor")
-    for k, column in enumerate(model.input_map.T):
+    for k, column in enumerate(np.asarray(model.input_map).T):
         _tendon(tendons, f"force{k + 1}", column, {})
         ET.SubElement(actuator, "motor", name=f"u{k + 1}", tendon=f"force{k + 1}")
     if model.output != "acceleration":
         kind = "tendonpos" if model.output == "displacement" else "tendonvel"
-        for k, row in enumerate(model.output_map):
+        for k, row in enumerate(np.asarray(model.output_map)):
             _tendon(tendons, f"output{k + 1}", row, {})
             ET.SubElement(sensor, kind, name=f"y{k + 1}", tendon=f"output{k + 1}")
     return root
@@ -77,12 +77,12 @@ def _bodies(root: ET.Element, diagonals: Mapping[str, Array], nested: bool) -> N
         inertia = " ".join([weight] * 3)
         ET.SubElement(body, "inertial", pos="0 0 0", mass=weight, diaginertia=inertia)
         joint = {"damping": damping, "stiffness": stiffness, "armature": armature}
-        ET.SubElement(body, "joint", name=f"q{i + 1}", type="slide", axis="1 0 0", **joint)
+        ET.SubElement(body, "joint", {"name": f"q{i + 1}", "type": "slide", "axis": "1 0 0", **joint})
         parent = body if nested else parent
 
 
 def _tendon(tendons: ET.Element, name: str, c: Array, attributes: Mapping[str, str]) -> None:
-    fixed = ET.SubElement(tendons, "fixed", name=name, **attributes)
+    fixed = ET.SubElement(tendons, "fixed", {"name": name, **attributes})
     for i in np.flatnonzero(c):
         ET.SubElement(fixed, "joint", joint=f"q{i + 1}", coef=repr(float(c[i])))
 
@@ -114,7 +114,7 @@ def rank_one_terms(X: Array, name: str, definite: bool) -> tuple[Array, list[tup
     return np.full(len(X), floor), parts
 
 
-def _pair(n: int, i: int, j: int, value: float) -> Array:
+def _pair(n: int, i: Any, j: Any, value: float) -> Array:
     c = np.zeros(n)
     c[i], c[j] = 1.0, np.sign(value)
     return c

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sysid_bench.nouns import STATUSES, Estimate, InputError, Model
 
 Z95 = 1.959963984540054
 MAX_COVARIANCE = 250  # parameters; a larger covariance is left out of the file
-_NAMES = ("M", "D", "K")
+MATRIX_NAMES: tuple[Literal["M", "D", "K"], ...] = ("M", "D", "K")
 
 
 def write_estimate(
@@ -41,7 +41,7 @@ def values_of(
     """The keys of estimate.json in their order."""
     values: dict[str, Any] = {"status": estimate.status, "reason": estimate.reason, "method": method}
     values["seconds"] = estimate.seconds
-    for name in _NAMES:
+    for name in MATRIX_NAMES:
         values[name] = _matrix(estimate, name)
     values |= _poles(estimate)
     values["coefficients"] = dict(estimate.coefficients)
@@ -55,7 +55,7 @@ def values_of(
     return values
 
 
-def _matrix(estimate: Estimate, name: str) -> dict[str, Any] | None:
+def _matrix(estimate: Estimate, name: Literal["M", "D", "K"]) -> dict[str, Any] | None:
     value, std = getattr(estimate, name), estimate.std(name)
     return None if value is None else {"value": value, "std": std}
 
@@ -66,7 +66,7 @@ def _poles(estimate: Estimate) -> dict[str, Any]:
         return {"poles": None, "omega_n": None, "zeta": None}
     poles = np.asarray(estimate.poles, dtype=complex)
     omega_n = np.abs(poles)
-    zeta = -poles.real / np.where(omega_n > 0, omega_n, np.inf)
+    zeta = -np.real(poles) / np.where(omega_n > 0, omega_n, np.inf)
     return {"poles": poles, "omega_n": omega_n, "zeta": zeta}
 
 
@@ -125,7 +125,7 @@ def model_of(estimate: Estimate, values: Mapping[str, Any], path: str | os.PathL
 
 def _matrices(values: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     found, stds, n = {}, {}, None
-    for name in _NAMES:
+    for name in MATRIX_NAMES:
         part = values.get(name)
         if part is not None and not isinstance(part, dict):
             raise InputError(f"estimate {path}: {name} must be {{value, std}} or null; got {part!r:.60}.")
@@ -166,7 +166,7 @@ def _covariance(
     if any(std is None for std in stds.values()):
         return covariance
     rows, cols = np.triu_indices(len(stds["M"]))
-    diagonal = np.concatenate([stds[name][rows, cols] ** 2 for name in _NAMES])
+    diagonal = np.concatenate([stds[name][rows, cols] ** 2 for name in MATRIX_NAMES])
     if covariance is None:
         return np.diag(diagonal)
     if covariance.shape != (len(diagonal), len(diagonal)):

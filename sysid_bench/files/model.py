@@ -76,7 +76,7 @@ def _model(values: Mapping[str, Any]) -> Model:
 
 def _check_places(model: Model) -> None:
     """Raises InputError where an effect sits at a DOF, input or output that the model does not have."""
-    count = max(model.n, model.nu, model.ny)
+    count = max(model.n or 0, model.nu, model.ny)
     for i, effect in enumerate(model.effects):
         places = effect.dof if isinstance(effect.dof, tuple) else (effect.dof or 0,)
         if max(places) >= count:

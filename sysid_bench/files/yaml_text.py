@@ -13,7 +13,7 @@ from sysid_bench.nouns import InputError
 
 MAX_DEPTH = 20
 MAX_ITEMS = 200_000
-_Safe = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml where it is there: ten times faster
+_Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml where it is there: ten times faster
 
 
 class _Loader(_Safe):
@@ -51,7 +51,7 @@ def read_yaml(path: str | os.PathLike, what: str) -> tuple[dict[str, Any], dict[
         raise InputError(f"{what} {path}: not YAML that is read here: {reason[:160]}.") from None
     if not isinstance(value, dict):
         raise InputError(f"{what} {path}: a mapping `key: value` is wanted; got {type(value).__name__}.")
-    return value, {key.value: key.start_mark.line + 1 for key, _ in node.value}
+    return value, {key.value: key.start_mark.line + 1 for key, _ in (node.value if node else ())}
 
 
 def _check_events(text: str, where: str) -> None:
