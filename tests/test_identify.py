@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from sysid_bench import effects
 from sysid_bench.__main__ import main
 from sysid_bench.build import build
 from sysid_bench.conf import compose, groups
-from sysid_bench.doors.identify import fitted
+from sysid_bench.doors.identify import cautions, fitted
 from sysid_bench.estimate_table import tables
 from sysid_bench.files import read_estimate, read_model, write_model
 from sysid_bench.mechanics.second_order import pack
@@ -98,10 +100,11 @@ def test_csv_and_mcap_of_the_same_run_give_the_same_estimate(folder, tmp_path):
     assert values[1]["origin"]["record"]["seed"] == 1, "the record's own origin is kept"
 
 
-def test_every_method_takes_files(folder, tmp_path, capsys):
-    for method in [m for m in groups()["method"] if m.startswith(("arx", "n4sid"))]:
-        assert identify(folder, tmp_path / method, f"method={method}") == 0, method
-        assert json.loads((tmp_path / method / "estimate.json").read_text())["status"] == "ok"
+@pytest.mark.parametrize("method", groups()["method"])
+def test_every_method_takes_files(folder, tmp_path, method):
+    write_model(replace(truth().model(), hold="zoh"), tmp_path / "full.yaml")
+    assert identify(folder, tmp_path, f"method={method}", model=str(tmp_path / "full.yaml")) == 0
+    assert json.loads((tmp_path / "estimate.json").read_text())["status"] == "ok"
 
 
 def test_the_report_is_written(folder, tmp_path):
@@ -145,6 +148,31 @@ def test_a_method_that_says_no_leaves_its_reason(folder, tmp_path, capsys):
     assert found["status"] == "not_applicable" and "flagged" in found["reason"]
     assert "not_applicable" in capsys.readouterr().out
     assert not (tmp_path / "model_estimate.yaml").exists()
+
+
+class Broken:
+    """A method with a bug."""
+
+    nominal = False
+
+    def fit(self, record: Record, model: Model) -> Estimate:
+        raise ZeroDivisionError("no step left")
+
+
+def test_a_method_that_breaks_is_a_status_with_its_traceback_beside(tmp_path):
+    estimate, _ = fitted(Broken(), record_of(), Model(n=1), tmp_path)
+    assert estimate.status == "error" and "ZeroDivisionError: no step left" in estimate.reason
+    assert "in fit" in (tmp_path / "traceback.txt").read_text()
+
+
+def test_cautions():
+    model = Model(np.eye(1), np.eye(1), np.eye(1), effects=(effects.effect("coulomb_friction"),))
+    poles = np.array([0.01 + 20j, 0.01 - 20j, 0.0, 0.0])
+    told = cautions(record_of(), model, Estimate(poles=poles))
+    assert [
+        word in line for word, line in zip(("coulomb_friction", "2.9 periods", "unstable"), told, strict=True)
+    ] == [True] * 3
+    assert cautions(record_of(), Model(n=1), Estimate(poles=np.array([-1.0, -2.0]))) == []
 
 
 def test_what_identify_refuses(folder, tmp_path, capsys):
@@ -222,13 +250,17 @@ def test_tables_say_what_is_known():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["variational_pem", "n4sid_d2c", "arx"])
+@pytest.mark.parametrize("method", ["variational_pem", "spline_ml", "n4sid_d2c", "arx"])
 def test_intervals_cover_the_truth(tmp_path, method):
     """200 runs: each 95 % interval of M, D, K holds the truth in 90-99 % of them, on average over the entries."""
     runs, inside = 200, []
-    excitation = "excitation=cubic_noise" if method == "variational_pem" else "excitation=random_binary"
-    step = "sampling.h_s=0.05" if method == "variational_pem" else "sampling.h_s=0.2"
-    words = ["plant=three_dof", excitation, step, "sampling.N=2000", "noise.snr_db=20", "out=x.csv"]
+    smooth = method in ("variational_pem", "spline_ml")  # the input for which each is made
+    words = (
+        ["excitation=cubic_noise", "sampling.h_s=0.05"]
+        if smooth
+        else ["excitation=random_binary", "sampling.h_s=0.2"]
+    )
+    words += ["plant=three_dof", "sampling.N=2000", "noise.snr_db=20", "out=x.csv"]
     cfg = compose("simulate", words)
     plant, parts = build(cfg["plant"]), [build(cfg[name]) for name in ("excitation", "noise", "sampling")]
     fit = build(compose("identify", [f"method={method}", "record=x", "model=x", "out=x"])["method"])
@@ -238,7 +270,7 @@ def test_intervals_cover_the_truth(tmp_path, method):
     for seed in range(runs):
         acquired = build(cfg["source"]).acquire(plant, *parts, np.random.default_rng(seed))
         record, model, _ = pair(acquired.record, read_model(path))
-        estimate, _ = fitted(fit, record, model)
+        estimate, _ = fitted(fit, record, model, tmp_path)
         assert estimate.status == "ok", estimate.reason
         found = pack(estimate.M, estimate.D, estimate.K)
         inside.append(np.abs(found - wanted) < 1.96 * np.sqrt(np.diag(estimate.covariance)))

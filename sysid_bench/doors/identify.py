@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import traceback
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -29,8 +30,8 @@ def main(cfg: dict[str, Any]) -> int:
     options = {"topic": cfg["topic"]} if cfg["topic"] else {}
     record, model, remarks = pair(read_record(cfg["record"], **options), read_model(cfg["model"]))
     print(f"{cfg['record']}: {record!r}")
-    estimate, heard = fitted(build(cfg["method"], cfg["plugins"].packages), record, model)
-    remarks += [*heard, *cautions(record, estimate)]
+    estimate, heard = fitted(build(cfg["method"], cfg["plugins"].packages), record, model, out)
+    remarks += [*heard, *cautions(record, model, estimate)]
     name = cfg["choices"]["method"]
     write_results(out, cfg, name, record, model, estimate, remarks)
     for remark in remarks:
@@ -52,8 +53,12 @@ def results_folder(path: str) -> Path:
     return folder
 
 
-def fitted(method: Method, record: Record, model: Model) -> tuple[Estimate, list[str]]:
-    """(estimate, warnings that the method gave). A method that says no gives an Estimate with the reason."""
+def fitted(method: Method, record: Record, model: Model, out: Path) -> tuple[Estimate, list[str]]:
+    """(estimate, warnings that the method gave). A method that says no gives an Estimate with the reason.
+
+    A method that breaks gives status error, and its traceback stands in out/traceback.txt.
+    """
+    (out / "traceback.txt").unlink(missing_ok=True)
     with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
         warnings.simplefilter("default", UserWarning)
         try:
@@ -62,26 +67,35 @@ def fitted(method: Method, record: Record, model: Model) -> tuple[Estimate, list
             estimate = Estimate(status="not_applicable", reason=str(problem))
         except (Diverged, np.linalg.LinAlgError) as problem:
             estimate = Estimate(status="diverged", reason=str(problem))
+        except InputError:
+            raise
+        except Exception as problem:
+            (out / "traceback.txt").write_text(traceback.format_exc())
+            reason = f"{type(problem).__name__}: {problem} (see {out / 'traceback.txt'})"
+            estimate = Estimate(status="error", reason=reason)
     heard = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return estimate, list(dict.fromkeys(heard))
 
 
-def cautions(record: Record, estimate: Estimate) -> list[str]:
+def cautions(record: Record, model: Model, estimate: Estimate) -> list[str]:
     """What to keep in mind of an estimate from this record."""
-    if estimate.poles is None or not len(estimate.poles):
-        return []
-    slowest = np.min(np.abs(estimate.poles))
-    length = record.t[-1] - record.t[0]
     found = []
-    if length * slowest < SLOW_PERIODS * 2 * np.pi:
+    if model.effects:
+        names = ", ".join(effect.name for effect in model.effects)
         found.append(
-            f"the record is {length:.3g} s long, {length * slowest / (2 * np.pi):.2g} periods of the slowest mode; "
+            f"only M, D, K are estimated, not the model's effects ({names}); `sysid-bench gap` weighs those."
+        )
+    poles = np.array([]) if estimate.poles is None else np.asarray(estimate.poles)
+    swinging = np.abs(poles[np.imag(poles) > 0])
+    length = record.t[-1] - record.t[0]
+    periods = length * swinging.min(initial=np.inf) / (2 * np.pi)
+    if periods < SLOW_PERIODS:
+        found.append(
+            f"the record is {length:.3g} s long, {periods:.2g} periods of the slowest mode; "
             f"below {SLOW_PERIODS} the damping is poorly known."
         )
-    if np.max(np.real(estimate.poles)) > 0:
-        found.append(
-            f"the estimate is unstable: a pole has real part {np.max(np.real(estimate.poles)):.3g} rad/s."
-        )
+    if np.max(np.real(poles), initial=-np.inf) > 0:
+        found.append(f"the estimate is unstable: a pole has real part {np.max(np.real(poles)):.3g} rad/s.")
     return found
 
 
