@@ -1,0 +1,126 @@
+"""session, bus, log -> a run done, or stopped: the emergency stop goes out before anything else."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from sysid_bench.frames.frame import Frame
+from sysid_bench.frames.link import Link, LinkLost
+from sysid_bench.measure.limits import Stopped
+from sysid_bench.measure.log import RunLog
+from sysid_bench.measure.session import Session
+from sysid_bench.nouns import InputError
+
+WAIT_S = 0.001
+BURST = 50
+STOP_FRAMES = 3
+AFTER_STOP_S = 0.2
+
+
+def drive(
+    session: Session, link: Link, log: RunLog, watch: Callable[[Session], None] | None = None
+) -> str | None:
+    """Run the session to its end; None, or the reason why it was stopped.
+
+    Raises InputError where no rig answers (nothing has moved then). Any other way out sends the emergency stop.
+    """
+    link.own = session.rig.ids(host=True)
+    with _termination_interrupts():
+        try:
+            while not session.done:
+                _turn(session, link, log)
+                if watch:
+                    watch(session)
+            return None
+        except InputError:
+            raise
+        except BaseException as problem:
+            confirmed = stop_now(session, link, log)
+            for sample in session.samples.flush():
+                log.sample(sample)
+            reason = _reason(problem) + (
+                "" if confirmed else "; the device did not confirm the emergency stop"
+            )
+            log.event(f"stopped: {reason}")
+            if not isinstance(problem, (Stopped, LinkLost, KeyboardInterrupt)):
+                log.close()
+                raise
+            return reason
+
+
+def _turn(session: Session, link: Link, log: RunLog) -> None:
+    """All frames that have come, then one step."""
+    frame = link.recv(WAIT_S)
+    for _ in range(BURST):
+        if frame is None:
+            break
+        log.frame(frame, sent=False)
+        session.receive(frame, time.monotonic())
+        frame = link.recv(0.0)
+    if frame is not None:
+        log.frame(frame, sent=False)
+        session.receive(frame, time.monotonic())
+    if log.failure is not None:
+        raise Stopped(f"the log cannot be written ({log.failure})")
+    for out in session.step(time.monotonic()):
+        link.send(out)
+        log.frame(out, sent=True)
+
+
+def stop_now(session: Session, link: Link, log: RunLog) -> bool:
+    """Emergency stop, three times; True where the device says within 0.2 s that it no longer runs."""
+    frame = session.rig.emergency_stop_frame(session.codec)
+    sent = sum(_try_to_send(link, frame) for _ in range(STOP_FRAMES))
+    for _ in range(sent):
+        log.frame(frame, sent=True)
+    end = time.monotonic() + AFTER_STOP_S
+    while time.monotonic() < end:
+        try:
+            answer = link.recv(0.01)
+        except LinkLost:
+            return False
+        if answer is None:
+            continue
+        log.frame(answer, sent=False)
+        decoded = session.codec.decode(answer)
+        if decoded and decoded.intact and decoded.message == session.rig.state["message"]:
+            if session.rig.state_of(decoded.values[session.rig.state["signal"]]) != "running":
+                return True
+    return False
+
+
+def _try_to_send(link: Link, frame: Frame) -> bool:
+    try:
+        link.send(frame)
+    except LinkLost:
+        return False
+    return True
+
+
+def _reason(problem: BaseException) -> str:
+    if isinstance(problem, KeyboardInterrupt):
+        return "interrupted"
+    return (
+        str(problem) if isinstance(problem, (Stopped, LinkLost)) else f"{type(problem).__name__}: {problem}"
+    )
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """SIGTERM stops a run as Ctrl-C does."""
+
+    def interrupt(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not the main thread: signals are somebody else's
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
