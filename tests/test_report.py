@@ -7,7 +7,8 @@ import pytest
 from make_study import coefficient_study, sweep_study
 
 from sysid_bench.views.figures import write_figures
-from sysid_bench.views.report import write_index_page, write_report
+from sysid_bench.views.index import write_index_page
+from sysid_bench.views.report import write_report
 from sysid_bench.views.study import read_study, where
 from sysid_bench.views.summary import failures, measured_columns, summarise
 

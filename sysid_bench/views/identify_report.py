@@ -31,7 +31,7 @@ def write_identify_report(
     figures = write_figures(out, record, model, estimate, predicted)
     told = json.loads((out / "estimate.json").read_text()) if (out / "estimate.json").is_file() else {}
     page = render(
-        "identify.html", title=_title(told), record=repr(record), estimate=estimate, fit=_fit_rows(record, predicted),
+        "identify.html", title=_title(told), record=_in_words(record), estimate=estimate, fit=_fit_rows(record, predicted),
         remarks=list(estimate.diagnostics.get("remarks", [])) or list(told.get("diagnostics", {}).get("remarks", [])),
         matrices=[_matrix(estimate, X) for X in "MDK" if getattr(estimate, X) is not None], modes=_modes(estimate),
         coefficients=[(name, f"{value:.6g}") for name, value in estimate.coefficients.items()],
@@ -40,6 +40,17 @@ def write_identify_report(
     )  # fmt: skip
     rrd = write_identify_rrd(out / "identify.rrd", record, estimate, predicted, _title(told))
     return [write_page(out / "report.html", page), *figures, rrd]
+
+
+def _in_words(record: Record) -> str:
+    step = f"{record.h:g} s" if record.is_uniform else "uneven steps"
+    flagged = 0 if record.quality is None else int(np.count_nonzero(record.quality))
+    words = [
+        f"{record.N} samples at {step}",
+        f"inputs: {record.nu} ({record.hold or 'hold unknown'})",
+        f"outputs: {record.ny}",
+    ]
+    return ", ".join([*words, *([f"{flagged} samples flagged"] if flagged else [])])
 
 
 def _title(told: Mapping[str, Any]) -> str:

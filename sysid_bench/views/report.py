@@ -1,4 +1,4 @@
-"""study -> report.html: question, command, figures, numbers, failures, configuration, origin; and the index of all."""
+"""study -> report.html: question, command, figures, numbers, failures, configuration, origin."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid_bench.views.html import flat, image, render, write_page
 from sysid_bench.views.spec import left_out, study_figures
-from sysid_bench.views.study import Study, failed, read_study
+from sysid_bench.views.study import Study, failed
 from sysid_bench.views.summary import ERRORS, Group, Number, failures, measured_columns, plain, summarise
 
 
@@ -119,23 +119,3 @@ def _digits(value: float) -> str:
     if value == 0 or 1e-3 <= abs(value) < 1e5:
         return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
     return f"{value:.1e}"
-
-
-def write_index_page(results_dir: Path) -> Path:
-    """Write index.html of a results folder: a card per study with its first figure and its report."""
-    folders = sorted(
-        p.parent for p in results_dir.glob("**/manifest.json") if (p.parent / "table.parquet").is_file()
-    )
-    studies = [read_study(folder) for folder in folders]
-    cards = [_card(study, results_dir) for study in studies]
-    page = render("index.html", studies=cards, rows=sum(s.rows for s in studies))
-    return write_page(results_dir / "index.html", page)
-
-
-def _card(study: Study, results_dir: Path) -> Mapping[str, str]:
-    place = study.folder.relative_to(results_dir).as_posix()
-    pictures = [study.folder / "figures" / f"{spec.name}.png" for spec in study_figures(study)]
-    thumbnail = next((f"{place}/figures/{p.name}" for p in pictures if p.is_file()), "")
-    line = f"{study.rows} runs, {int(failed(study.columns).sum())} failed"
-    return {"name": study.name, "question": str(study.manifest.get("question", "")), "link": f"{place}/report.html",
-            "thumbnail": thumbnail, "line": line}  # fmt: skip

@@ -29,10 +29,9 @@ def write_identify_rrd(
     last = min(record.N, IN_SIGHT) - 1
     axis = x_range(float(record.t[0]), float(record.t[last]), "seconds")
     views = [
-        signal_view(f"output/{j + 1}", f"y{j + 1}: measured and simulated", axis_x=axis)
-        for j in range(record.ny)
+        signal_view(f"output/{j + 1}", f"y{j + 1}: measured and simulated", axis) for j in range(record.ny)
     ]
-    inputs = signal_view("u", "input", axis_x=axis)
+    inputs = signal_view("u", "input", axis)
     page = rrb.TextDocumentView(origin="about", name="estimate")
     plots = rrb.Vertical(rrb.Grid(*views, grid_columns=1 if record.ny <= 4 else 2), inputs, row_shares=[4, 1])
     blueprint = rrb.Blueprint(rrb.Horizontal(plots, page, column_shares=[3, 1]), *panels("t"))

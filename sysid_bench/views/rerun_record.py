@@ -24,7 +24,7 @@ def write_record_rrd(record: Record, path: Path, title: str) -> Path:
     page = rrb.TextDocumentView(origin="about", name="about")
     last = min(record.N, SAMPLES_IN_SIGHT) - 1
     axis = x_range(float(record.t[0]), float(record.t[last]), "seconds")
-    plots = [signal_view(group, group, axis_x=axis) for group in groups(record)]
+    plots = [signal_view(group, group, axis) for group in groups(record)]
     shares = [3, 2, 1][: len(plots)]
     blueprint = rrb.Blueprint(
         rrb.Horizontal(rrb.Vertical(*plots, row_shares=shares), page, column_shares=[4, 1]),
@@ -41,11 +41,13 @@ def groups(record: Record) -> list[str]:
     return ["y", "u", *([] if record.all_good else ["quality"])]
 
 
-def signal_view(origin: str, name: str, **options: Any) -> Any:
+def signal_view(origin: str, name: str, axis: Any, legend: bool = True) -> Any:
     """A plot of everything under `origin`."""
     import rerun.blueprint as rrb
 
-    return rrb.TimeSeriesView(origin=origin, name=name, plot_legend=rrb.PlotLegend(visible=True), **options)
+    return rrb.TimeSeriesView(
+        origin=origin, name=name, axis_x=axis, plot_legend=rrb.PlotLegend(visible=legend)
+    )
 
 
 def x_range(start: float, end: float, kind: str = "seq") -> Any:

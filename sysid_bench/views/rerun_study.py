@@ -72,10 +72,11 @@ def _curves_tab(study: Study, spec: Figure) -> Any:
     import rerun.blueprint as rrb
 
     places = _places(study, spec, np.array(study.order(spec.x)))
-    margin = max(1, int(0.03 * np.ptp(places)))  # and more on the left, where the legend is
-    axis = x_range(places.min() - 7 * margin, places.max() + margin)
+    margin = max(1, int(0.03 * np.ptp(places)))
+    axis = x_range(places.min() - margin, places.max() + margin)
+    own = any(len(panel.y) > 1 for panel in spec.panels)  # else one legend speaks for all, and hides less
     views = [
-        signal_view(f"{spec.name}/{k}", _panel_name(spec, panel), axis_x=axis)
+        signal_view(f"{spec.name}/{k}", _panel_name(spec, panel), axis, legend=own or k == 0)
         for k, panel in enumerate(spec.panels)
     ]
     picture = rrb.Spatial2DView(origin=f"figure/{spec.name}", name=f"figures/{spec.name}.png")
@@ -150,9 +151,7 @@ def _record_tab(path: Path, record: Any) -> Any:
     import rerun.blueprint as rrb
 
     axis = x_range(0, min(record.N, SAMPLES_IN_SIGHT))
-    plots = [
-        signal_view(f"record/{g}", f"{g} against the sample number", axis_x=axis) for g in groups(record)
-    ]
+    plots = [signal_view(f"record/{g}", f"{g} against the sample number", axis) for g in groups(record)]
     page = rrb.TextDocumentView(origin="record/about", name="about")
     return rrb.Horizontal(rrb.Vertical(*plots), page, column_shares=[4, 1], name=f"record {path.stem[:12]}")
 

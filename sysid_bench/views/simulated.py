@@ -9,6 +9,7 @@ from sysid_bench.mechanics.holds import free_response, propagate, recursion
 from sysid_bench.mechanics.second_order import state_space
 from sysid_bench.nouns import Array, Estimate, Model, Record
 
+LEAST_POWER = 1e-3  # of an input's spectrum, against its peak, for a response to be read from it
 GROWTH = 1e6  # a simulation beyond this many times the largest measurement has run away
 
 
@@ -94,7 +95,7 @@ def responses(u: Array, y: Array, h: float, length: int) -> tuple[Array, Array, 
     Suu = np.einsum("sfi,sfj->fij", U, U.conj())
     Syu = np.einsum("sfi,sfj->fij", Y, U.conj())
     weakest = np.linalg.eigvalsh(Suu)[:, 0]
-    seen = weakest > 1e-5 * weakest.max(initial=0)
+    seen = weakest > LEAST_POWER * weakest.max(initial=0)
     G = np.full(Syu.shape, np.nan, dtype=complex)
     G[seen] = np.linalg.solve(Suu[seen].transpose(0, 2, 1), Syu[seen].transpose(0, 2, 1)).transpose(0, 2, 1)
     return np.fft.rfftfreq(length, h)[1:], G, seen

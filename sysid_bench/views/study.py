@@ -152,6 +152,6 @@ def write_views(study_dir: str | Path) -> list[Path]:
 
 def write_index(results_dir: str | Path) -> Path:
     """Write results_dir/index.html over all study folders below it; returns its path."""
-    from sysid_bench.views.report import write_index_page
+    from sysid_bench.views.index import write_index_page
 
     return write_index_page(Path(results_dir))

@@ -123,7 +123,7 @@ def failures(study: Study) -> list[tuple[str, str, str, int, float, str]]:
 
 def _short(reason: str) -> str:
     line = (reason.strip().splitlines() or [""])[0]
-    return line if len(line) <= 140 else line[:137] + "..."
+    return line if len(line) <= 220 else line[:217] + "..."
 
 
 def cell_words(study: Study, row: int) -> str:
