@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from make_study import coefficient_study, sweep_study
 
+from sysid_bench.doors.sweep import check_figures
 from sysid_bench.nouns import InputError
 from sysid_bench.views.figures import draw, runs_line, write_figures
 from sysid_bench.views.spec import left_out, read_figure, standard_figures, study_figures
@@ -120,3 +121,10 @@ def test_a_folder_that_is_no_study_is_refused(tmp_path):
 
 def test_no_two_series_share_a_colour_or_a_mark():
     assert len(set(COLOURS)) == len(COLOURS) == len(set(MARKERS))
+
+
+def test_a_wrong_figure_is_refused_before_the_work():
+    with pytest.raises(InputError, match="unknown key 'lines'"):
+        check_figures(
+            {"views": True, "figures": [{"name": "a", "x": "h", "panels": [{"y": "e"}], "lines": 1}]}
+        )

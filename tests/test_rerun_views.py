@@ -3,8 +3,12 @@
 import io
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
+import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -172,3 +176,30 @@ def test_view_needs_no_rerun_until_it_shows_something():
 
 def test_reading_a_study_needs_no_viewer(results):
     assert read_study(results).name == "synthetic"
+
+
+@pytest.mark.parametrize("ended_by", [signal.SIGINT, signal.SIGTERM])
+def test_serving_answers_on_loopback_until_ended(results, ended_by):
+    command = [sys.executable, "-m", "sysid_bench", "view", str(results), "serve=true"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            address = re.search(r"open (http://127\.0\.0\.1:\d+)\?url=", process.stdout.readline())[1]
+            page = fetched(address)
+            process.send_signal(ended_by)
+            assert process.wait(timeout=10) == 0
+        finally:
+            process.kill()
+    assert b"rerun" in page.lower()
+    with pytest.raises(OSError):
+        urllib.request.urlopen(address, timeout=2)
+
+
+def fetched(address: str, seconds: float = 15.0) -> bytes:
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            return urllib.request.urlopen(address, timeout=5).read()
+        except OSError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.1)

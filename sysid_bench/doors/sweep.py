@@ -36,17 +36,27 @@ def main(cfg: dict[str, Any]) -> int:
     executor = build(cfg["executor"], study.packages)
     work = Work(cfg["records"], str(folder / "records"))
     retry = _statuses(cfg["retry"])
+    check_figures(cfg)
     order = freeze(study, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
         run_cells(study, store, executor, work, done, len(set(order) - done))
         write_results(folder, store, order, study)
     if cfg["views"]:
-        from sysid_bench.views.study import write_views
+        from sysid_bench.views.study import write_index, write_views
 
         write_views(folder)
+        write_index(cfg["results_dir"])
     _say(folder)
     return 0
+
+
+def check_figures(cfg: Mapping[str, Any]) -> None:
+    """Refuses a wrong figure spec before the work, not after it."""
+    from sysid_bench.views.spec import read_figure
+
+    for node in cfg["figures"] if cfg["views"] else ():
+        read_figure(node)
 
 
 def study_folder(results: Path, name: str) -> Path:

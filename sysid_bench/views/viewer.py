@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -37,6 +38,7 @@ def serve(rrd: Path) -> int:
     print(f"{rrd.name}: open {address}  (Ctrl-C ends)", flush=True)
     ports = ["--port", str(data), "--web-viewer-port", str(web)]
     command = [str(program()), str(rrd), "--serve-web", *_bind(), *ports]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ended by others, it ends the server too
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             return process.wait()
