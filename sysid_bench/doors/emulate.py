@@ -12,7 +12,7 @@ from sysid_bench.build import build
 from sysid_bench.emulator.faults import Fault
 from sysid_bench.emulator.process import Emulator
 from sysid_bench.frames.link import LinkLost
-from sysid_bench.frames.priority import prefer_this_process
+from sysid_bench.frames.priority import before_others
 from sysid_bench.nouns import InputError, Plant
 
 
@@ -25,7 +25,6 @@ def main(cfg: dict[str, Any]) -> int:
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda n, _: ended.append(n))
-    prefer_this_process()
     end = time.monotonic() + (cfg["seconds"] or 1e12)
     with open(cfg["truth"] or "/dev/null", "w") as truth:
         link = bus.open(rig)
@@ -35,7 +34,8 @@ def main(cfg: dict[str, Any]) -> int:
                 f"emulating {rig.name} ({plant.n} degrees of freedom, {rig.rate_hz:g} Hz) on {link.name}",
                 flush=True,
             )
-            emulator.run(lambda: bool(ended) or time.monotonic() > end)
+            with before_others():
+                emulator.run(lambda: bool(ended) or time.monotonic() > end)
         except LinkLost as problem:
             print(f"sysid-bench emulate: {problem}", file=sys.stderr)
             return 1

@@ -18,7 +18,7 @@ from sysid_bench.build import build
 from sysid_bench.files import read_model
 from sysid_bench.files.provenance import config_of, provenance
 from sysid_bench.files.yaml_text import yaml_text
-from sysid_bench.frames.priority import prefer_this_process
+from sysid_bench.frames.priority import before_others
 from sysid_bench.measure.commands import Commands, commands
 from sysid_bench.measure.drive import drive
 from sysid_bench.measure.finish import Rules, Verdict, rewrite
@@ -56,7 +56,6 @@ def main(cfg: dict[str, Any]) -> int:
     if cfg["dry_run"]:
         return 0
     _confirm(rig, bus, cfg["yes"])
-    prefer_this_process()
     with closing(bus.open(rig)) as link:
         for number, run in enumerate(runs):
             time.sleep((cfg.get("campaign") or {}).get("pause_s", 0.0) if number else 0.0)
@@ -132,14 +131,15 @@ def measured(run: Run, rig: Any, link: Any) -> bool:
     }  # fmt: skip
     properties = {"hold": "zoh", "period": run.plan.period, "units": _units(rig)}
     attachments = {"rig.dbc": rig.dbc_text.encode("latin-1"), "config.yaml": yaml_text(config_of(cfg))}
-    log = RunLog(run.out, rig, run.plan, properties, origin, attachments)
-    session = Session(rig, run.plan, Watch(rig, cfg["stuck_s"]), cfg["silence_s"], log, link.name)
-    try:
-        reason = drive(session, link, log, _viewer(rig) if cfg["view"] else None)
-    except InputError:
-        log.close()
-        run.out.unlink()
-        raise
+    with before_others():
+        log = RunLog(run.out, rig, run.plan, properties, origin, attachments)
+        session = Session(rig, run.plan, Watch(rig, cfg["stuck_s"]), cfg["silence_s"], log, link.name)
+        try:
+            reason = drive(session, link, log, _viewer(rig) if cfg["view"] else None)
+        except InputError:
+            log.close()
+            run.out.unlink()
+            raise
     return _finished(run, session, log, reason)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from sysid_bench.nouns import Array
 
 BLOCKS = 60
-SIGNIFICANT = 4.0
+SIGNIFICANT = 8.0  # block minima are not independent of each other
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class ClockFit:
 
     drift_ppm, drift_std_ppm  how much longer a device second is than a host second
     jitter_s, delay_p99_s     of the arrivals above that line: rms about their median, 99th percentile
-    significant               |drift| above 4 standard errors: only then sample times are stretched by it
+    significant               |drift| above 8 standard errors: only then sample times are stretched by it
     """
 
     offset_s: float
