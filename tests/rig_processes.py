@@ -15,12 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-ENV = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parents[1])}
+ENV = {
+    **os.environ,
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONPATH": str(Path(__file__).parents[1]),
+}
 COMMAND = [sys.executable, "-m", "sysid_bench"]
 
 
 def start(*words: str) -> subprocess.Popen:
-    return subprocess.Popen([*COMMAND, *words], env=ENV, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [*COMMAND, *words], env=ENV, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def free_port() -> int:
@@ -28,7 +35,9 @@ def free_port() -> int:
 
 
 @contextmanager
-def emulator(*words: str, truth: Path | None = None, port: int | None = None, quiet: bool = False) -> Iterator[str]:
+def emulator(
+    *words: str, truth: Path | None = None, port: int | None = None, quiet: bool = False
+) -> Iterator[str]:
     """A device on a bus of its own; gives the host's words for that bus."""
     bus = f"bus.port={port or free_port()}"
     process = start("emulate", bus, *words, *([f"truth={truth}"] if truth else []))
