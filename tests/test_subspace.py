@@ -123,3 +123,30 @@ def test_200_intervals_cover_the_truth(projection):
         record = ident.simulated(ident.THREE_DOF, ident.binary(3000, 3, seed), 0.25, "zoh", 20, rng)
         runs.append(N4sid(projection=projection).fit(record, Model(n=3)))
     assert 0.90 <= ident.covered(runs, ident.THREE_DOF, pack).mean() <= 0.99
+
+
+def test_the_interval_counts_the_bias_of_the_wrong_hold():
+    rng = np.random.default_rng(4)
+    record = ident.simulated(ident.THREE_DOF, ident.smooth(3000, 0.25, 1.0, 3, rng), 0.25, "cubic", 30, rng)
+    counted = N4sid().fit(record, Model(n=3))
+    plain = N4sid(bias_in_interval=False).fit(record, Model(n=3))
+    assert ident.covered([counted], ident.THREE_DOF, pack).mean() > 0.9
+    assert ident.covered([plain], ident.THREE_DOF, pack).mean() < 0.5
+    assert np.array_equal(counted.M, plain.M)
+
+
+def test_a_record_too_short_for_blocks_has_no_standard_errors():
+    rng = np.random.default_rng(4)
+    record = ident.simulated(ident.ONE_DOF, ident.binary(150, 1, 0), 0.5, "zoh", 30, rng)
+    assert N4sid(horizon=10).fit(record, Model(n=1)).covariance is None
+
+
+@pytest.mark.slow
+def test_200_intervals_cover_the_truth_of_a_smooth_input_behind_its_own_hold():
+    runs = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        u = ident.smooth(3000, 0.25, 1.0, 3, rng)
+        record = ident.simulated(ident.THREE_DOF, u, 0.25, "cubic", 20, rng)
+        runs.append(N4sid(hold="record").fit(record, Model(n=3)))
+    assert 0.90 <= ident.covered(runs, ident.THREE_DOF, pack).mean() <= 0.99

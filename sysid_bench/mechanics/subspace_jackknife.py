@@ -30,21 +30,21 @@ Replicate = tuple[HalfModes, np.ndarray]
 
 def replicates(
     z: Array, nu: int, i: int, weight: str, modes: HalfModes, fit: InputFit, wanted: int
-) -> list[Replicate]:
-    """(modes, beta) without each of `wanted` blocks of z = [u y] (N, nu + ny); [] where they cannot be had.
+) -> list[Replicate | None]:
+    """(modes, beta) without each of `wanted` blocks of z = [u y] (N, nu + ny); [] for short records.
 
-    They cannot for short records, for data without noise, and where modes merge or split between replicates.
+    None where they cannot be had: without noise, and where modes merge or split between replicates.
     """
     parts = blocks(len(z) - 2 * i + 1, wanted, 4 * i)
     changed = _modes_without(z, nu, i, weight, modes, parts)
-    if not parts or any(m is None for m in changed):
-        return []
     moves = _row_moves(modes, fit, _sample_blocks(parts, i, len(z)), changed)
-    return [(m, fit.beta + move) for m, move in zip(changed, moves)]
+    return [None if m is None else (m, fit.beta + move) for m, move in zip(changed, moves)]
 
 
 def _sample_blocks(parts: list[slice], i: int, N: int) -> list[slice]:
     """Blocks of samples around the middles of the Hankel windows."""
+    if not parts:
+        return []
     edges = [0, *(part.start + i for part in parts[1:]), N]
     return [slice(a, b) for a, b in pairwise(edges)]
 
@@ -78,7 +78,7 @@ def _matched(
 
 
 def _row_moves(
-    modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes]
+    modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes | None]
 ) -> list[np.ndarray]:
     """beta(replicate) - beta, (k, nu + 1) each: N^-1 (- score of the block - J^T dy of the moved modes)."""
     q, J, xi = fit.beta.shape[1], len(parts), fit.xi
@@ -87,6 +87,7 @@ def _row_moves(
     real, imaginary = xi.T @ np.hstack([z.real, slope.real]), xi.T @ np.hstack([z.imag, slope.imag])
     moves = []
     for part, new in zip(parts, changed):
+        new = modes if new is None else new
         score = xi[part].T @ fit.residual[part] * (J / (J - 1))
         dc = np.tile(modes.weight, 2) * np.hstack([new.c - modes.c, modes.c * (new.p - modes.p)])
         shift = real @ dc.real.T - imaginary @ dc.imag.T

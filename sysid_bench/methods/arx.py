@@ -38,8 +38,8 @@ class Arx:
     `coefficients` are always those of least squares (eq. (12), corrected), which minimise the equation error:
     consistent for white equation noise only. White noise on the output biases them, towards worse as h falls.
     The standard errors of M, D, K cover the truth with recover=instruments, where the record is long enough
-    for its normal approximation; with recover=least_squares only if the equation noise is white. Both assume
-    that the hold is zoh or foh, for which an equation of these orders is exact.
+    for its normal approximation; with recover=least_squares only if the equation noise is white. An equation of
+    these orders is exact behind zoh and foh, and close behind cubic while the force is smooth at the scale of h.
     """
 
     na: int = 2
@@ -105,12 +105,13 @@ class Arx:
 
 
 def _covariance(recovered, theta: Array, influences: Array) -> Array | None:
-    """None without blocks, or where a replicate has no M, D, K."""
+    """Of theta of M, D, K, from what each block adds to the coefficients."""
     J = len(influences)
-    if not J:
-        return None
-    try:
-        thetas = [pack(*recovered(theta - change * J / (J - 1))[1]) for change in influences]
-    except Diverged:
-        return None
-    return jackknife.covariance(np.array(thetas))
+
+    def replicate(change: Array) -> Array | None:
+        try:
+            return pack(*recovered(theta - change * J / (J - 1))[1])
+        except Diverged:
+            return None
+
+    return jackknife.covariance([replicate(change) for change in influences])

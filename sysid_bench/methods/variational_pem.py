@@ -12,7 +12,7 @@ from sysid_bench.mechanics.holds import propagate
 from sysid_bench.mechanics.levenberg import Minimum, Point, minimise
 from sysid_bench.mechanics.modal import Sensitivity, sensitivity
 from sysid_bench.mechanics.second_order import free_mask, ntheta, pack, poles, state_space, unpack
-from sysid_bench.mechanics.subspace import check_sizes, default_horizon, fit_inputs, identify_modes
+from sysid_bench.mechanics.subspace_model import identify
 from sysid_bench.mechanics.suitability import hold_of, require_plain
 from sysid_bench.nouns import Array, Diverged, Estimate, InputError, Model, NotApplicable, Record
 
@@ -78,17 +78,8 @@ class VariationalPem:
             if not model.has_values:
                 raise NotApplicable("start=nominal wants a model with values of mass, damping and stiffness.")
             return model.mass, model.damping, model.stiffness
-        nx, nu = 2 * model.n, record.nu
-        i = self.horizon or default_horizon(record.N, nu, record.ny, nx)
-        check_sizes(record.N, nu, record.ny, i, nx)
-        su, sy = record.u.std(axis=0), record.y.std(axis=0)
-        if not np.all(su > 0):
-            raise NotApplicable("the n4sid start wants every input to vary; one is constant.")
-        z = np.hstack([record.u / su, record.y / sy])
-        modes, _ = identify_modes(z, nu, i, nx, "moesp", nx)
-        inputs = fit_inputs(modes, z[:, :nu], z[:, nu:], False)
-        p, c, b = modes.full(inputs.beta[:, :-1] / su)
-        return midpoint_start((p, c * sy[:, None], b), model, record.h)
+        found = identify(record, self.horizon, 2 * model.n, 2 * model.n)
+        return midpoint_start(found.discrete_form(), model, record.h)
 
     def _estimate(self, search: _Search, found: Minimum, p: Array, hold: str) -> Estimate:
         count, n = ntheta(search.model.n), search.model.n
