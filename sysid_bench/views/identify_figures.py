@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from sysid_bench.views.figures import head
 from sysid_bench.views.simulated import responses, segment_length, spectrum
 from sysid_bench.views.style import BOUND_COLOUR, COLOURS, GUIDE_COLOUR, log_ticks, publication, save
 
+MATRICES: dict[Literal["M", "D", "K"], str] = {"M": "mass", "D": "damping", "K": "stiffness"}
 ZOOM, BINS, ROWS = 250, 800, 8
 Z95 = 1.96
 MEASURED, SIMULATED, RESIDUAL = BOUND_COLOUR, COLOURS[1], COLOURS[0]
@@ -160,15 +161,14 @@ def _responses(plt: Any, record: Record, estimate: Estimate, predicted: Array) -
 
 def _parameters(plt: Any, model: Model, estimate: Estimate) -> Any:
     """Every entry of the upper triangles with its 95 % interval, less the model's value where it has one."""
-    n = len(estimate.M)
+    n = model.n or 0
     entries = np.triu_indices(n)
     places = np.arange(len(entries[0]))[::-1]
     size = (9.6, 1.5 + max(1.2, 0.17 * len(places)))
     figure, axes = plt.subplots(1, 3, figsize=size, layout="constrained", sharey=True)
-    given = {"M": model.mass, "D": model.damping, "K": model.stiffness}
-    for axis, (X, word) in zip(axes, {"M": "mass", "D": "damping", "K": "stiffness"}.items()):
-        value, std = getattr(estimate, X)[entries], estimate.std(X)
-        value = value if given[X] is None else value - given[X][entries]
+    for axis, (X, word) in zip(axes, MATRICES.items()):
+        value, given, std = getattr(estimate, X)[entries], getattr(model, word), estimate.std(X)
+        value = value if given is None else value - given[entries]
         wide = None if std is None else Z95 * std[entries]
         axis.errorbar(
             value, places, xerr=wide, fmt="o", color=COLOURS[0], elinewidth=1.0, capsize=2, markersize=3.5

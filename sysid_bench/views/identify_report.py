@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from sysid_bench.mechanics.second_order import frequencies_and_damping
 from sysid_bench.nouns import Array, Estimate, Model, Record
 from sysid_bench.views.html import flat, image, render, write_page
-from sysid_bench.views.identify_figures import Z95, unit, write_figures
+from sysid_bench.views.identify_figures import MATRICES, Z95, unit, write_figures
 from sysid_bench.views.rerun_identify import write_identify_rrd
 from sysid_bench.views.simulated import fit_numbers, simulate
-
-TITLES = {"M": "mass", "D": "damping", "K": "stiffness"}
 
 
 def write_identify_report(
@@ -33,7 +31,7 @@ def write_identify_report(
     page = render(
         "identify.html", title=_title(told), record=_in_words(record), estimate=estimate, fit=_fit_rows(record, predicted),
         remarks=list(estimate.diagnostics.get("remarks", [])) or list(told.get("diagnostics", {}).get("remarks", [])),
-        matrices=[_matrix(estimate, X) for X in "MDK" if getattr(estimate, X) is not None], modes=_modes(estimate),
+        matrices=[_matrix(estimate, X) for X in MATRICES if getattr(estimate, X) is not None], modes=_modes(estimate),
         coefficients=[(name, f"{value:.6g}") for name, value in estimate.coefficients.items()],
         images=[image(p, p.stem) for p in figures], diagnostics=_diagnostics(estimate),
         origin=flat(told.get("origin") or {}),
@@ -74,11 +72,11 @@ def _fit_rows(record: Record, predicted: Array | None) -> list[tuple[str, ...]]:
     ]
 
 
-def _matrix(estimate: Estimate, X: str) -> Mapping[str, Any]:
+def _matrix(estimate: Estimate, X: Literal["M", "D", "K"]) -> Mapping[str, Any]:
     value, std = getattr(estimate, X), estimate.std(X)
     half = None if std is None else Z95 * std
     rows = [[_entry(value, half, i, j) for j in range(len(value))] for i in range(len(value))]
-    return {"name": X, "word": TITLES[X], "rows": rows, "intervals": std is not None}
+    return {"name": X, "word": MATRICES[X], "rows": rows, "intervals": std is not None}
 
 
 def _entry(value: Array, half: Array | None, i: int, j: int) -> tuple[str, str]:

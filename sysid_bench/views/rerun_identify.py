@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sysid_bench.nouns import Array, Estimate, Record
+from sysid_bench.views.identify_figures import MATRICES
 from sysid_bench.views.rerun_record import (
     log_markdown,
     log_series,
@@ -60,7 +61,7 @@ def _log_output(stream: Any, index: Any, y: Array, predicted: Array | None, enti
 def numbers(estimate: Estimate, title: str) -> str:
     """Status and matrices as markdown; larger matrices are left to the report."""
     lines = [f"# {title}", "", f"{estimate.status} {estimate.reason}", ""]
-    for X in "MDK":
+    for X in MATRICES:
         value, std = getattr(estimate, X), estimate.std(X)
         if value is not None and len(value) <= LARGEST_PAGE:
             lines += [f"## {X}", "", "|" + " |" * len(value), "|" + "-|" * len(value)]

@@ -42,7 +42,10 @@ def _sampled(record: Record, model: Model, estimate: Estimate) -> tuple[Array, A
             estimate.M, estimate.D, estimate.K, model.input_map, model.output_map, model.output
         )
         hold = model.hold or record.hold or "zoh"
-        x, Ad = propagate(A, B, record.u, record.h, hold, period=record.period), expm(A * record.h)
+        x, Ad = (
+            propagate(A, B, record.u, record.h, hold, period=record.period),
+            np.asarray(expm(A * record.h), float),
+        )
     elif estimate.state_space is not None and estimate.state_space[4] > 0:
         Ad, B, C, Dd, _ = estimate.state_space
         x = _discrete(Ad, B, record.u)
@@ -63,14 +66,14 @@ def fit_numbers(y: Array, predicted: Array) -> list[tuple[float, float, float, f
 
 
 def _channel(y: Array, residual: Array) -> tuple[float, float, float, float]:
-    spread = np.std(y) or np.nan
+    spread = float(np.std(y)) or np.nan
     r = residual - residual.mean()
     correlation = float(r[1:] @ r[:-1] / (r @ r)) if r @ r > 0 else 0.0
     rms = float(np.sqrt(np.mean(residual**2)))
     return 100 * (1 - rms / spread), float(np.sqrt(np.mean(y**2))), rms, correlation
 
 
-def segments(x: Array, length: int) -> Array:
+def segments(x: Array, length: int) -> np.ndarray:
     """Hann-windowed spectra (nseg, nf, nx) of half-overlapping segments, each without its mean."""
     starts = range(0, len(x) - length + 1, length // 2)
     parts = np.stack([x[k : k + length] for k in starts])
@@ -78,7 +81,7 @@ def segments(x: Array, length: int) -> Array:
     return np.fft.rfft(parts * np.hanning(length)[:, None], axis=1)
 
 
-def spectrum(x: Array, h: float, length: int) -> tuple[Array, Array]:
+def spectrum(x: Array, h: float, length: int) -> tuple[np.ndarray, np.ndarray]:
     """f (nf,) in Hz without 0, and amplitude density (nf, nx), unit of x per root Hz."""
     power = np.mean(np.abs(segments(x, length)) ** 2, axis=0) * 2 * h / np.sum(np.hanning(length) ** 2)
     return np.fft.rfftfreq(length, h)[1:], np.sqrt(power[1:])
@@ -89,7 +92,7 @@ def segment_length(N: int, nu: int) -> int:
     return max(16, int(2 * N / (max(8, 4 * nu) + 1)) // 2 * 2)
 
 
-def responses(u: Array, y: Array, h: float, length: int) -> tuple[Array, Array, Array]:
+def responses(u: Array, y: Array, h: float, length: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """f (nf,), G (nf, ny, nu) by cross spectra (H1), seen (nf,): where the input has the power to tell."""
     U, Y = segments(u, length)[:, 1:], segments(y, length)[:, 1:]
     Suu = np.einsum("sfi,sfj->fij", U, U.conj())

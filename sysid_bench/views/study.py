@@ -136,7 +136,7 @@ def curve(columns: Columns, x: str, y: str, rows: np.ndarray) -> Curve:
 
 def _at(ys: np.ndarray, good: np.ndarray) -> Sequence[float]:
     low, median, high = np.quantile(ys[good], (0.1, 0.5, 0.9)) if good.any() else (np.nan,) * 3
-    return median, low, high, len(ys), np.count_nonzero(~good)
+    return median, low, high, len(ys), int(np.count_nonzero(~good))
 
 
 def write_views(study_dir: str | Path) -> list[Path]:

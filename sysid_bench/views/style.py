@@ -21,7 +21,7 @@ DASHES = (
 )
 BOUND_COLOUR, GUIDE_COLOUR = "#111111", "#777777"
 
-RC = {
+RC: dict[Any, Any] = {
     "figure.dpi": 100, "savefig.dpi": 200, "savefig.facecolor": "white", "svg.hashsalt": "sysid-bench",
     "font.size": 9, "axes.titlesize": 9.5, "axes.labelsize": 9, "legend.fontsize": 8.5, "xtick.labelsize": 8,
     "ytick.labelsize": 8, "font.family": "DejaVu Sans", "axes.spines.top": False, "axes.spines.right": False,

@@ -116,7 +116,7 @@ def failures(study: Study) -> list[tuple[str, str, str, int, float, str]]:
     first = {kind: i for kind, i in reversed(list(zip(kinds, bad)))}
     total = Counter(str(w) for w in who)
     return [
-        (*kind, n, n / total[kind[0]], cell_words(study, first[kind]))
+        (*kind, n, n / total[kind[0]], cell_words(study, int(first[kind])))
         for kind, n in Counter(kinds).most_common()
     ]
 
