@@ -9,27 +9,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
+from sysid_bench.mechanics.identifiability import Identifiability, entry_names, identifiability
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra
 from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, maximise
+from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.response import POWER, Maps
+from sysid_bench.mechanics.samples import even_samples
 from sysid_bench.mechanics.second_order import free_mask, ntheta, pack, poles, unpack
-from sysid_bench.mechanics.start import linear_start, refined_start
+from sysid_bench.mechanics.start import starts
+from sysid_bench.mechanics.suitability import require_channels
 from sysid_bench.nouns import Array, Diverged, Estimate, InputError, Model, NotApplicable, Record
 
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
-UNEXPLAINED = 1.5
 SHORT_RECORD = 5.0  # periods of the slowest mode
+REWEIGHTED = 2  # times the noise spectrum is estimated anew
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be estimated from what. free (ntheta,), known (ntheta,): values of entries that are not free."""
+    """What is to be estimated from what. free (ntheta,); known (ntheta,): values of entries that are not free;
+    guess (ntheta,) or None: values to start from where the records alone give no start."""
 
     records: tuple[Record, ...]
     maps: Maps
     free: NDArray[np.bool_]
     known: Array
+    guess: Array | None
     noise: str
     definite: bool
 
@@ -49,62 +56,87 @@ class Fit:
         return unpack(self.maximum.theta, self.problem.maps.n)
 
 
-def problem_of(records: list[Record], model: Model, noise: str, definite: bool) -> Problem:
+def problem_of(records: list[Record], model: Model, noise: str, definite: bool, nominal: bool) -> Problem:
     """Checks that records and model belong together. Raises InputError, NotApplicable."""
     if model.effects:
         raise NotApplicable("this method is for linear models; the model has effects.")
     for record in records:
-        if (record.nu, record.ny) != (model.nu, model.ny):
-            raise InputError(
-                f"the record has nu = {record.nu}, ny = {record.ny}; the model's maps want {model.nu}, {model.ny}."
-            )
-        if not record.is_uniform:
-            raise NotApplicable("the sampling times are uneven; resample the record to a constant step.")
+        require_channels(record, model)
     free = free_mask(model)
     if not free.all() and not model.has_values:
         raise InputError("entries that are not free need values: give mass, damping and stiffness.")
+    if definite and not free.all():
+        raise InputError("definite: true is for matrices with all entries free; leave out the free masks.")
     known = (
         pack(model.mass, model.damping, model.stiffness) if model.has_values else np.zeros(ntheta(model.n))
     )
     maps = Maps(model.input_map, model.output_map, POWER[model.output])
-    return Problem(tuple(records), maps, free, known, noise, definite)
+    guess = known if nominal and model.has_values else None
+    return Problem(tuple(records), maps, free, known, guess, noise, definite)
 
 
 def fit_problem(problem: Problem, hold: str) -> Fit:
-    """Maximum likelihood from the linear start, the band widened until it holds the top mode.
+    """Maximum likelihood from the first start that leads to the noise floor, else the most likely result.
 
-    Where the search does not end, or ends with more in the band than the noise above it, it starts again on
-    narrower bands; the most likely result counts.
+    The band is widened until it holds the top mode; where the search does not end, or ends with more in the band
+    than the noise above it, it starts again on narrower bands, then from modes, then from the model's values.
     """
     runs = [_run(record, problem, hold) for record in problem.records]
     tries: list[Fit] = []
+    reasons: list[str] = []
     for share in BANDS:
         narrow = [replace(run, F=max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
-        theta = refined_start(narrow, linear_start(narrow, problem.free, problem.known))
-        tries.append(_settled(problem, narrow, theta))
-        if tries[-1].maximum.converged and unexplained(tries[-1]) < UNEXPLAINED:
-            return tries[-1]
-    return min(tries, key=lambda fit: (not fit.maximum.converged, unexplained(fit)))
+        for start in starts(narrow, problem.free, problem.known, problem.guess, share == 1.0):
+            try:
+                tries.append(_settled(problem, narrow, start()))
+            except (Diverged, NotApplicable) as problem_met:
+                reasons.append(str(problem_met))
+                continue
+            if tries[-1].maximum.converged and unexplained(tries[-1]) < 1.0:
+                return _coloured(tries[-1])
+    if not tries:
+        raise NotApplicable(f"no start: {reasons[0]}")
+    return _coloured(
+        min(tries, key=lambda fit: (not fit.maximum.converged, max(unexplained(fit), 1.0), fit.cost))
+    )
 
 
 def unexplained(fit: Fit) -> float:
-    """Largest ratio of residual power in the band to the noise above it; 1 where nothing is above it."""
-    worst = 1.0
+    """Residual power in the band over the noise above it, over what chance allows; below 1 is well."""
+    worst = 0.0
     for run, fitted in zip(fit.runs, fit.maximum.point.runs):
         above = power_above(run.data, max(run.F, len(run.data.omega) // 4))
         if above is not None and np.all(above > 0):
-            worst = max(worst, float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max()))
+            ratio = float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max())
+            worst = max(worst, ratio / (1 + 5 / np.sqrt(run.F)))
     return worst
+
+
+def _coloured(fit: Fit) -> Fit:
+    """The fit reweighted by the noise spectrum of its own residual, where coloured noise was asked for."""
+    if fit.problem.noise != "coloured":
+        return fit
+    for _ in range(REWEIGHTED):
+        runs = [
+            replace(run, weight=noise_spectrum(fitted.R, run.data.weight[: run.F]))
+            for run, fitted in zip(fit.runs, fit.maximum.point.runs)
+        ]
+        fit = Fit(fit.problem, runs, _maximise(fit.problem, runs, fit.maximum.theta))
+    return fit
 
 
 def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
     """The fit under another hold, on the same bins, from the fit under the first."""
-    runs = [replace(run, data=_data(record, hold)) for run, record in zip(other.runs, problem.records)]
+    runs = [
+        replace(run, data=_data(record, hold), weight=None)
+        for run, record in zip(other.runs, problem.records)
+    ]
     return Fit(problem, runs, _maximise(problem, runs, other.maximum.theta))
 
 
 def _data(record: Record, hold: str) -> Spectra:
-    return spectra(record.u, record.y, record.h, hold, record.period)
+    even = even_samples(record, hold)
+    return spectra(even.u, even.y, even.h, hold, record.period, even.mask)
 
 
 def _run(record: Record, problem: Problem, hold: str) -> Run:
@@ -116,7 +148,7 @@ def _settled(problem: Problem, runs: list[Run], theta: Array) -> Fit:
     for _ in range(3):
         maximum = _maximise(problem, runs, theta)
         wider = [replace(run, F=max(run.F, _needed(run, maximum))) for run in runs]
-        if all(a.F == b.F for a, b in zip(runs, wider)):
+        if not maximum.converged or all(a.F == b.F for a, b in zip(runs, wider)):
             break
         runs, theta = wider, maximum.theta
     return Fit(problem, runs, maximum)
@@ -128,7 +160,12 @@ def _needed(run: Run, maximum: Maximum) -> int:
 
 
 def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
-    free = problem.free
+    free, n = problem.free, problem.maps.n
+    if problem.definite:
+        found = maximise(runs, theta)
+        if found.converged and all(np.linalg.eigvalsh(X)[0] > 0 for X in unpack(found.theta, n)):
+            return found
+        return maximise(runs, factor(found.theta, n), definite_parameters(n))
     if free.all():
         return maximise(runs, theta)
     T = np.eye(len(theta))[:, free]
@@ -141,44 +178,64 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
     return maximise(runs, theta[free], Parameters(value, lambda phi: T))
 
 
-def covariance_of(fit: Fit) -> Array:
-    """(ntheta, ntheta) inverse information, zero rows for entries that were not free; residual degrees of freedom."""
+def covariance_of(fit: Fit, told: Identifiability) -> Array:
+    """(ntheta, ntheta) inverse information; zero rows for entries that were not free, infinite variances for
+    those that the record cannot tell."""
     free = fit.problem.free
     H = fit.maximum.H[np.ix_(free, free)]
     d = np.sqrt(np.maximum(np.diag(H), 1e-300))
     observed = sum(run.count * len(run.maps.C) for run in fit.runs)
     spent = free.sum() + 2 * fit.problem.maps.n * len(fit.runs)
+    inverse = np.linalg.pinv(H / np.outer(d, d), rcond=1e-13, hermitian=True) / np.outer(d, d)
     covariance = np.zeros_like(fit.maximum.H)
-    inverse = np.linalg.pinv(H / np.outer(d, d), rcond=1e-14, hermitian=True) / np.outer(d, d)
     covariance[np.ix_(free, free)] = inverse * observed / max(observed - spent, 1.0)
+    blind = np.isin(entry_names(fit.problem.maps.n), told.untold)
+    covariance[blind, blind] = np.inf
     return covariance
 
 
 def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
     """The Estimate of a fit. Raises Diverged where the search did not settle."""
     M, D, K = fit.matrices
-    found = poles(M, D, K)
     if not fit.maximum.converged:
         raise Diverged(f"no maximum of the likelihood in {fit.maximum.iterations} iterations.")
-    slowest = np.abs(found).min()
-    periods = min(r.N * r.h for r in fit.problem.records) * slowest / (2 * np.pi)
-    warnings = [str(v) for k, v in said.items() if k.endswith("warning")]
-    if periods < SHORT_RECORD:
-        warnings.append(
-            f"the record holds {periods:.1f} periods of the slowest mode, fewer than {SHORT_RECORD:g}"
-        )
-    if unexplained(fit) > UNEXPLAINED:
-        warnings.append(
-            f"the residual in the band is {unexplained(fit):.1f} times the noise above it: coloured noise (try "
-            "noise: coloured), a wrong hold, or more than a linear model"
-        )
+    told = identifiability(fit.maximum.H, fit.problem.free, fit.problem.maps.n)
+    found = poles(M, D, K)
     diagnostics = {
         **{k: v for k, v in said.items() if not k.endswith("warning")},
         "iterations": fit.maximum.iterations,
         "band_rad_s": float(fit.runs[0].data.omega[fit.runs[0].F - 1]),
         "bins": fit.runs[0].F,
-        "log_likelihood": -fit.cost,
-        "periods": float(periods),
-        "warning": "; ".join(warnings),
+        "log_likelihood": -float(fit.cost),
+        "periods": _periods(fit, found),
+        "information_rank": told.rank,
+        "information_condition": told.condition,
+        "cannot_be_told": ", ".join(told.untold),
+        "warning": "; ".join(
+            [*(v for k, v in said.items() if k.endswith("warning")), *_warnings(fit, told, found)]
+        ),
     }
-    return Estimate(M=M, D=D, K=K, covariance=covariance_of(fit), poles=found, diagnostics=diagnostics)
+    return Estimate(M=M, D=D, K=K, covariance=covariance_of(fit, told), poles=found, diagnostics=diagnostics)
+
+
+def _periods(fit: Fit, found: NDArray[Any]) -> float:
+    return float(min(r.data.N * r.data.h for r in fit.runs) * np.abs(found).min() / (2 * np.pi))
+
+
+def _warnings(fit: Fit, told: Identifiability, found: NDArray[Any]) -> list[str]:
+    said = [
+        note for r, run in zip(fit.problem.records, fit.runs) if (note := even_samples(r, run.data.hold).note)
+    ]
+    if _periods(fit, found) < SHORT_RECORD:
+        said.append(f"the record holds {_periods(fit, found):.1f} periods of the slowest mode, fewer than 5")
+    if unexplained(fit) > 1:
+        said.append(
+            "the residual in the band is above the noise beyond it: coloured noise (try noise=coloured), a wrong "
+            "hold, or more than a linear model"
+        )
+    nyquist = min(np.pi / r.data.h for r in fit.runs)
+    if np.abs(found).max() > nyquist:
+        said.append("a mode lies above the Nyquist frequency: sample faster")
+    if told.untold:
+        said.append(f"the record cannot tell {', '.join(told.untold)} apart")
+    return said

@@ -155,13 +155,14 @@ def _images(data: Spectra) -> tuple[int, ...]:
 
 
 def _without_transient(modes, run, fit, main, GW, H, g) -> tuple[Array, Array]:
-    c = output_modes(modes, run.maps)
-    back = (GW @ c) * fit.free[:, None, :]
-    X = (ne.cross(main.s, main.q, back) @ modes.inverse).real
-    A = (np.conj(modes.inverse).T @ modal_gram(fit.free, c, fit.W) @ modes.inverse).real
+    """H and g with the free motion eliminated, its main image too: what cannot be told stays exactly blind."""
+    c, seen = output_modes(modes, run.maps), run.maps.C @ modes.shape
+    free = main.pole_gain * (run.data.weight[: run.F, None] / run.data.h)
+    X = (ne.cross(main.s, main.q, (GW @ seen) * free[:, None, :]) @ modes.inverse).real
+    A = (np.conj(modes.inverse).T @ modal_gram(free, seen, fit.W) @ modes.inverse).real
     slope = (modes.inverse.T @ (fit.free * (np.conj(weigh(fit.W, fit.R)) @ c)).sum(axis=0)).real
     d = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    half = np.linalg.lstsq(A / np.outer(d, d), np.column_stack([X.T, slope]) / d[:, None], rcond=1e-13)[0]
+    half = np.linalg.lstsq(A / np.outer(d, d), np.column_stack([X.T / d[:, None], slope / d]), rcond=1e-13)[0]
     return H - (X / d) @ half[:, :-1], g - (X / d) @ half[:, -1]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from sysid_bench.nouns import Array
 
@@ -64,3 +65,15 @@ def estimated(R: Complex, power: Array, count: float, kind: str) -> tuple[Array,
 def given(R: Complex, W: Array) -> float:
     """Negative log-likelihood of residuals under a known weight."""
     return 0.5 * float((np.conj(R) * weigh(W, R)).real.sum())
+
+
+def noise_spectrum(R: Complex, weight: Array, width: int | None = None) -> Array:
+    """(F, ny) inverse noise spectrum: residual power smoothed over `width` bins (about F / 40, 15 at least).
+
+    weight (F,): of the bins, which tells those that hold one real number.
+    """
+    width = width or int(np.clip(len(R) // 40, 15, 61))
+    single = (weight < 0.9 * weight.max())[:, None]
+    power = np.where(single, 1.0, 0.5) * np.abs(R) ** 2
+    smooth = uniform_filter1d(power, min(width, len(R)), axis=0, mode="reflect")
+    return 1 / np.maximum(smooth, 1e-6 * smooth.max(axis=0) + TINY)

@@ -1,4 +1,4 @@
-"""a run of the likelihood -> where to start it: linear least squares, then refined instrumental variables.
+"""runs of the likelihood -> where to start it, best first: linear least squares and refined instruments, modes.
 
 An instrumental step is taken while the likelihood gains from it: near the optimum each is worth several
 Gauss-Newton steps, at a poor signal to noise ratio they run away.
@@ -6,16 +6,34 @@ Gauss-Newton steps, at a poor signal to noise ratio they run away.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.likelihood import Run, evaluate
 from sysid_bench.mechanics.linear_start import equation_error_normal
+from sysid_bench.mechanics.modal_start import modal_start
 from sysid_bench.mechanics.refined_iv import refine
 from sysid_bench.nouns import Array, Diverged
 
 STEPS = 3
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
+
+
+def starts(
+    runs: list[Run], free: NDArray[np.bool_], known: Array, guess: Array | None, whole_band: bool
+) -> Iterator[Callable[[], Array]]:
+    """Functions that return theta, or raise Diverged or NotApplicable."""
+    yield lambda: refined_start(runs, free, linear_start(runs, free, known))
+    if whole_band:
+        yield lambda: _kept(modal_start(runs[0].data, runs[0].maps, runs[0].F), free, known)
+        if guess is not None:
+            yield lambda: np.array(guess)
+
+
+def _kept(theta: Array, free: NDArray[np.bool_], known: Array) -> Array:
+    return np.where(free, theta, known)
 
 
 def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Array:
@@ -32,9 +50,9 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
     return theta
 
 
-def refined_start(runs: list[Run], theta: Array) -> Array:
-    """theta after instrumental-variable steps, as long as the likelihood gains from them."""
-    if len(runs) > 1:
+def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
+    """theta after instrumental-variable steps, as long as the likelihood gains from them; all entries free only."""
+    if len(runs) > 1 or not free.all():
         return theta
     run, cost = runs[0], _cost(theta, runs)
     for _ in range(STEPS):

@@ -22,7 +22,13 @@ UNDECIDED = 3.0  # log-likelihood: below this another hold explains the record a
 class SplineML:
     """In-band maximum likelihood. fit takes a Record or a sequence of Records of one plant.
 
-    Raises NotApplicable for uneven samples and for what the record cannot tell, Diverged where the search fails.
+    hold      record (the model's, else the record's, else auto) | auto (by likelihood) | zoh | foh | cubic | bandlimited
+    noise     diagonal (a variance per sensor) | full (a covariance) | coloured (a spectrum per sensor)
+    definite  keep M and K positive definite and D positive semidefinite
+    nominal   start at the model's values where the record alone gives no start
+
+    Flagged samples count as missing, times with holes are put on their grid; other uneven times are resampled.
+    Raises NotApplicable where there is no start, Diverged where the search does not end in a maximum.
     """
 
     hold: str = "record"
@@ -39,7 +45,7 @@ class SplineML:
     def fit(self, record: Record | Sequence[Record], model: Model) -> Estimate:
         records = [record] if isinstance(record, Record) else list(record)
         with np.errstate(all="ignore"):
-            problem = problem_of(records, model, self.noise, self.definite)
+            problem = problem_of(records, model, self.noise, self.definite, self.nominal)
             wanted = self._hold(records[0], model)
             if wanted != "auto":
                 return estimate_of(fit_problem(problem, wanted), {"hold": wanted})

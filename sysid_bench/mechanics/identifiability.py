@@ -1,0 +1,45 @@
+"""information matrix -> its rank and condition, and the entries of M, D, K that the record cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sysid_bench.mechanics.second_order import pairs
+from sysid_bench.nouns import Array
+
+BLIND = 1e-12  # smallest eigenvalue over largest, unit diagonal: below it a direction has no information
+SHARE = 0.1  # of a blind direction's largest component: entries that take part in it
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """rank of the information of `count` free entries, its condition, names of entries that cannot be told."""
+
+    count: int
+    rank: int
+    condition: float
+    untold: tuple[str, ...]
+
+
+def entry_names(n: int) -> list[str]:
+    """M[0,0], M[0,1], ... in the order of theta."""
+    return [f"{name}[{i},{j}]" for name in "MDK" for i, j in pairs(n)]
+
+
+def identifiability(H: Array, free: NDArray[np.bool_], n: int) -> Identifiability:
+    """H (ntheta, ntheta) information; scaled to a unit diagonal first, so that units play no part."""
+    part = H[np.ix_(free, free)]
+    d = np.sqrt(np.maximum(np.diag(part), 0.0))
+    seen = d > 0
+    scaled = np.where(np.outer(seen, seen), part / np.outer(np.where(seen, d, 1), np.where(seen, d, 1)), 0.0)
+    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+    blind = values < BLIND * values[-1]
+    weight = np.abs(vectors[:, blind]).max(axis=1, initial=0.0)
+    names = np.array(entry_names(n))[free]
+    untold = tuple(names[weight > SHARE * max(weight.max(initial=0.0), 1e-300)]) if blind.any() else ()
+    return Identifiability(
+        int(free.sum()), int((~blind).sum()), float(values[-1] / max(values[0], 1e-300)), untold
+    )
