@@ -13,7 +13,7 @@ from sysid_bench.views.figures import draw, runs_line, write_figures
 from sysid_bench.views.spec import left_out, read_figure, standard_figures, study_figures
 from sysid_bench.views.strip import failure_share
 from sysid_bench.views.study import curve, read_study, where
-from sysid_bench.views.style import COLOURS, MARKERS, publication
+from sysid_bench.views.style import COLOURS, MARKERS, publication, wrapped
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +128,9 @@ def test_a_wrong_figure_is_refused_before_the_work():
         check_figures(
             {"views": True, "figures": [{"name": "a", "x": "h", "panels": [{"y": "e"}], "lines": 1}]}
         )
+
+
+def test_long_labels_break_into_like_lines_but_not_inside_mathematics():
+    assert wrapped("relative error of M") == "relative error of M"
+    assert wrapped("relative error of c (absolute for c = 0)") == "relative error of c\n(absolute for c = 0)"
+    assert "$G + G^H$" in wrapped("smallest eigenvalue of the Hermitian part $G + G^H$, relative")

@@ -97,7 +97,7 @@ def draw_curve(axis: Any, x: np.ndarray, data: Curve, style: dict[str, Any], mod
             elinewidth=0.8,
             alpha=0.6,
         )
-    size = 3.6 if mode == "theory" else 4.5
+    size = 3.6 if mode == "theory" else style["markersize"]
     marks = {
         "linestyle": "",
         "marker": style["marker"],

@@ -47,8 +47,9 @@ def publication() -> Any:
 
 
 def look(i: int) -> dict[str, Any]:
-    """Colour, marker and dash of the i-th series."""
+    """Colour, marker and dash of the i-th series; later ones are smaller, so that one under another still shows."""
     return {
+        "markersize": max(3.4, 5.6 - 0.55 * i),
         "color": COLOURS[i % len(COLOURS)],
         "marker": MARKERS[i % len(MARKERS)],
         "linestyle": DASHES[i % len(DASHES)],
@@ -78,8 +79,8 @@ def _plain(value: float) -> str:
 
 
 def wrapped(text: str, width: int = 34) -> str:
-    """A label in lines of about `width` characters; mathematics between $ is not broken."""
-    lines = [""]
+    """A label in lines of like length, at most about `width`; mathematics between $ is not broken."""
+    lines, width = [""], len(text) // -(-len(text) // width) + 4
     for word in re.findall(r"(?:\$[^$]*\$|[^\s$])+", text):
         if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
             lines.append("")
