@@ -81,7 +81,7 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
     The band is widened until it holds the top mode; where the search does not end, or ends with more in the band
     than the noise above it, it starts again on narrower bands, then from modes, then from the model's values.
     """
-    runs = [_run(record, problem, hold) for record in problem.records]
+    runs = [in_band_run(record, problem, hold) for record in problem.records]
     tries: list[Fit] = []
     reasons: list[str] = []
     for share in BANDS:
@@ -139,7 +139,8 @@ def _data(record: Record, hold: str) -> Spectra:
     return spectra(even.u, even.y, even.h, hold, record.period, even.mask)
 
 
-def _run(record: Record, problem: Problem, hold: str) -> Run:
+def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
+    """A record on the band that carries its response. Raises NotApplicable for an output that does not move."""
     data = _data(record, hold)
     return Run(data, problem.maps, band_edge(data), "full" if problem.noise == "full" else "diagonal")
 
