@@ -42,7 +42,7 @@ def test_instrumental_variables_are_near_the_bound() -> None:
 
 
 def test_instrumental_variables_know_their_limits() -> None:
-    plant, got = acquired(0.1, 15.0, N=600)
+    _, got = acquired(0.1, 15.0, N=600)
     with pytest.raises(NotApplicable, match="sensor"):
         record = got.record.__class__(got.record.t, got.record.u, got.record.y[:, :2], "cubic")
         MdkSrivc().fit(record, Model(n=3, output_map=np.eye(3)[:2]))
