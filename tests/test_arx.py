@@ -151,3 +151,11 @@ def test_unsuitable_records_are_declined_with_a_reason():
         Arx().fit(record, Model(n=2))
     with pytest.raises(InputError, match="recover"):
         Arx(recover="wishes")
+
+
+@pytest.mark.parametrize("c", [0.0, 2.0, 4.0])
+def test_all_dampings_without_noise(c):
+    plant = (np.eye(1), c * np.eye(1), np.eye(1))
+    record = ident.simulated(plant, ident.binary(60, 1, 1), 0.5, "zoh")
+    found = Arx().fit(record, Model(n=1))
+    assert np.allclose(pack(found.M, found.D, found.K), [1, c, 1], atol=1e-6)

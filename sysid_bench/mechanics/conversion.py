@@ -8,6 +8,7 @@ from scipy.linalg import expm, solve
 from sysid_bench.nouns import Array, Diverged
 
 Modes = tuple[np.ndarray, np.ndarray, np.ndarray]
+NEARLY_DEFECTIVE = 1e6
 
 
 def c2d_zoh(A: Array, B: Array, h: float) -> tuple[Array, Array]:
@@ -40,6 +41,18 @@ def zoh_coefficients(M: Array, D: Array, K: Array, L: Array, C: Array, h: float)
     a, b = difference_equation(Ad, Bd, np.hstack([C, np.zeros((1, n))]), np.zeros((1, 1)))
     named = {f"a{j + 1}": float(value) for j, value in enumerate(a)}
     return named | {f"b{j}": float(value) for j, value in enumerate(b)}
+
+
+def separated_eig(A: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues and eigenvectors; a (nearly) defective A is first moved by 1e-10 of its norm.
+
+    That splits a double eigenvalue by about 1e-5: eigenvectors that can be inverted, for an error of 1e-10.
+    """
+    p, V = np.linalg.eig(A)
+    if np.linalg.cond(V) > NEARLY_DEFECTIVE:
+        push = np.random.default_rng(0).standard_normal(A.shape)
+        p, V = np.linalg.eig(A + 1e-10 * np.linalg.norm(A) * push)
+    return p, V
 
 
 def modes(A: Array, B: Array, C: Array) -> Modes:

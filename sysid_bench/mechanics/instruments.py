@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid_bench.mechanics.conversion import separated_eig
 from sysid_bench.mechanics.difference import SINGULAR, DifferenceEquation, Orders, from_theta, regressors
 from sysid_bench.nouns import Array, Diverged
 
@@ -48,7 +49,7 @@ class InverseFilter:
 
 def inverse_filter(equation: DifferenceEquation) -> InverseFilter:
     ny = equation.a.shape[1]
-    p, V = np.linalg.eig(equation.companion)
+    p, V = separated_eig(equation.companion)
     p = np.where(np.abs(p) < 1, p, 1 / np.where(p == 0, 1, p).conj())
     shapes, rows = equation.companion[:ny] @ V, np.linalg.inv(V)[:, :ny]
     half = np.flatnonzero(p.imag >= 0)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from sysid_bench.mechanics.conversion import continuous_poles
+from sysid_bench.mechanics.conversion import continuous_poles, separated_eig
 from sysid_bench.mechanics.hankel import order_rows, triangular_factor
 from sysid_bench.mechanics.rules import rule
 from sysid_bench.nouns import Array, Diverged, NotApplicable
@@ -49,7 +49,7 @@ class HalfModes:
 
 def half_modes(A: Array, C: Array) -> HalfModes:
     """Modal form of (A, C); a pole outside the unit circle is replaced by its mirror image."""
-    p, V = np.linalg.eig(A)
+    p, V = separated_eig(A)
     outside = np.abs(p) >= 1
     p = np.where(outside, 1 / np.where(outside, p, 1).conj(), p).astype(complex)
     real = np.abs(p.imag) <= REAL_POLE * np.abs(p)
@@ -171,14 +171,22 @@ def solve_rows(modes: HalfModes, normal: Array, g: Array, q: int) -> np.ndarray:
 
 
 def fit_inputs(
-    modes: HalfModes, u: Array, y: Array, feedthrough: bool, drives: np.ndarray | None = None
+    modes: HalfModes,
+    u: Array,
+    y: Array,
+    feedthrough: bool,
+    drives: np.ndarray | None = None,
+    keep: Array | None = None,
 ) -> InputFit:
     """b, x0 and, where asked for, the feedthrough, all outputs at once.
 
     drives None: b is discrete, x(k+1) = p x(k) + b u(k); else as hold_drives, and b is continuous.
+    keep (N,): the samples that count, all where None.
     """
-    N, q = len(y), u.shape[1] + 1
-    xi = modal_states(modes, u, drives).reshape(N, -1)
+    q = u.shape[1] + 1
+    xi = modal_states(modes, u, drives).reshape(len(y), -1)
+    if keep is not None:
+        xi, u, y = xi[keep], u[keep], y[keep]
     columns, target = np.hstack([xi.real, xi.imag]), y
     if feedthrough:  # by projecting u out of everything (Frisch-Waugh)
         through = np.linalg.lstsq(u, np.hstack([columns, y]), rcond=None)[0]

@@ -1,11 +1,13 @@
 """a subspace estimate -> what it would have been without each block of the record, to first order in B.
 
 The modes of each replicate come from the Gram matrix less the block's; the input rows from the score of
-the block and from the change of the simulated output with the modes, so nothing of length N is simulated again.
+the block and from the change of the simulated output with the modes, so nothing of length N is simulated again
+(while the modes stay apart).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +19,7 @@ from sysid_bench.mechanics.jackknife import blocks
 from sysid_bench.mechanics.subspace import (
     HalfModes,
     InputFit,
+    fit_inputs,
     gradient,
     half_modes,
     observability,
@@ -26,19 +29,40 @@ from sysid_bench.mechanics.subspace import (
 from sysid_bench.nouns import Array
 
 Replicate = tuple[HalfModes, np.ndarray]
+Drives = Callable[[HalfModes], np.ndarray | None]
 
 
 def replicates(
-    z: Array, nu: int, i: int, weight: str, modes: HalfModes, fit: InputFit, wanted: int
+    z: Array,
+    nu: int,
+    i: int,
+    weight: str,
+    modes: HalfModes,
+    fit: InputFit,
+    drives: Drives,
+    wanted: int,
 ) -> list[Replicate | None]:
     """(modes, beta) without each of `wanted` blocks of z = [u y] (N, nu + ny); [] for short records.
 
-    None where they cannot be had: without noise, and where modes merge or split between replicates.
+    None where a block less leaves nothing to factor, as without noise. Where modes merge, split or move by much
+    of their distance between the replicates, the first order is no use: then the input rows are fitted again.
     """
     parts = blocks(len(z) - 2 * i + 1, wanted, 4 * i)
-    changed = _modes_without(z, nu, i, weight, modes, parts)
-    moves = _row_moves(modes, fit, _sample_blocks(parts, i, len(z)), changed)
-    return [None if m is None else (m, fit.beta + move) for m, move in zip(changed, moves)]
+    found = _modes_without(z, nu, i, weight, int(modes.weight.sum()), parts)
+    samples = _sample_blocks(parts, i, len(z))
+    alike = [None if m is None else _matched(m, modes) for m in found]
+    if all(m is not None and _near(m, modes) for m in alike):
+        moves = _row_moves(modes, fit, samples, alike)
+        return [(m, fit.beta + move) for m, move in zip(alike, moves)]
+    return [
+        None if m is None else (m, _refitted(m, z, nu, fit, drives, part)) for m, part in zip(found, samples)
+    ]
+
+
+def _refitted(modes: HalfModes, z: Array, nu: int, fit: InputFit, drives: Drives, part: slice) -> np.ndarray:
+    keep = np.ones(len(z), dtype=bool)
+    keep[part] = False
+    return fit_inputs(modes, z[:, :nu], z[:, nu:], fit.feedthrough is not None, drives(modes), keep).beta
 
 
 def _sample_blocks(parts: list[slice], i: int, N: int) -> list[slice]:
@@ -50,24 +74,22 @@ def _sample_blocks(parts: list[slice], i: int, N: int) -> list[slice]:
 
 
 def _modes_without(
-    z: Array, nu: int, i: int, weight: str, modes: HalfModes, parts: list[slice]
+    z: Array, nu: int, i: int, weight: str, nx: int, parts: list[slice]
 ) -> list[HalfModes | None]:
     ny, s = z.shape[1] - nu, 2 * i
     order = np.ix_(*[order_rows(nu, ny, i)] * 2)
     grams = [hankel_gram(z[part.start : part.stop + s - 1], s)[order] for part in parts]
-    total, nx = sum(grams), int(modes.weight.sum())
-    return [_matched(safe_cholesky(total - gram), nu, ny, i, nx, weight, modes) for gram in grams]
+    total, found = sum(grams), []
+    for gram in grams:
+        R = safe_cholesky(total - gram)
+        Gamma = None if R is None else observability(R, nu, ny, i, weight)[0][:, :nx]
+        found.append(None if Gamma is None else half_modes(*shift_invariance(Gamma, ny)))
+    return found
 
 
-def _matched(
-    R: Array | None, nu: int, ny: int, i: int, nx: int, weight: str, modes: HalfModes
-) -> HalfModes | None:
+def _matched(found: HalfModes, modes: HalfModes) -> HalfModes | None:
     """The replicate's modes in the order and scale of the estimate's, None where they do not correspond."""
-    if R is None:
-        return None
-    Gamma, _ = observability(R, nu, ny, i, weight)
-    found = half_modes(*shift_invariance(Gamma[:, :nx], ny))
-    if len(found.p) != len(modes.p) or sorted(found.weight) != sorted(modes.weight):
+    if sorted(found.weight) != sorted(modes.weight):
         return None
     _, order = linear_sum_assignment(np.abs(modes.p[:, None] - found.p[None, :]))
     if not np.array_equal(found.weight[order], modes.weight):
@@ -77,8 +99,16 @@ def _matched(
     return HalfModes(found.p[order], c, modes.weight, found.reflected)
 
 
+def _near(found: HalfModes, modes: HalfModes) -> bool:
+    """Whether no pole has moved by more than a fifth of its distance to the next one."""
+    others = np.concatenate([modes.p, modes.p[~modes.real].conj()])
+    distance = np.abs(modes.p[:, None] - others[None, :])
+    np.fill_diagonal(distance, np.inf)
+    return bool(np.all(np.abs(found.p - modes.p) < 0.2 * distance.min(axis=1)))
+
+
 def _row_moves(
-    modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes | None]
+    modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes]
 ) -> list[np.ndarray]:
     """beta(replicate) - beta, (k, nu + 1) each: N^-1 (- score of the block - J^T dy of the moved modes)."""
     q, J, xi = fit.beta.shape[1], len(parts), fit.xi
@@ -87,7 +117,6 @@ def _row_moves(
     real, imaginary = xi.T @ np.hstack([z.real, slope.real]), xi.T @ np.hstack([z.imag, slope.imag])
     moves = []
     for part, new in zip(parts, changed):
-        new = modes if new is None else new
         score = xi[part].T @ fit.residual[part] * (J / (J - 1))
         dc = np.tile(modes.weight, 2) * np.hstack([new.c - modes.c, modes.c * (new.p - modes.p)])
         shift = real @ dc.real.T - imaginary @ dc.imag.T

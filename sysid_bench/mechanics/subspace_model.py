@@ -73,16 +73,21 @@ class SubspaceModel:
         D = np.zeros((len(C), B.shape[1])) if through is None else through
         return A, B / self.su, C * self.sy[:, None], D * self.sy[:, None] / self.su, h if zoh else 0.0
 
+    def drives(self, modes: HalfModes) -> np.ndarray | None:
+        """What the scaled input adds to each mode per step; None behind a zoh."""
+        u = self.record.u / self.su
+        return None if self.hold == "zoh" else hold_drives(modes, u, self.record.h, self.hold)
+
     def behind(self, hold: str) -> SubspaceModel:
         """The same modes with input rows fitted behind another hold."""
-        z, nu = self.z, self.record.nu
-        drives = None if hold == "zoh" else hold_drives(self.modes, z[:, :nu], self.record.h, hold)
-        direct = self.inputs.feedthrough is not None
-        return replace(self, hold=hold, inputs=fit_inputs(self.modes, z[:, :nu], z[:, nu:], direct, drives))
+        new, direct = replace(self, hold=hold), self.inputs.feedthrough is not None
+        u, y = self.record.u / self.su, self.record.y / self.sy
+        return replace(new, inputs=fit_inputs(self.modes, u, y, direct, new.drives(self.modes)))
 
     def without_blocks(self, wanted: int) -> list[tuple[HalfModes, np.ndarray] | None]:
         """(modes, beta) without each block, for continuous_form; see subspace_jackknife.replicates."""
-        return replicates(self.z, self.record.nu, self.i, self.weight, self.modes, self.inputs, wanted)
+        data = self.z, self.record.nu, self.i, self.weight
+        return replicates(*data, self.modes, self.inputs, self.drives, wanted)
 
 
 def _scaled(record: Record, su: Array, sy: Array) -> Array:
