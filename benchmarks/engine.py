@@ -1,6 +1,6 @@
 """What the engine adds to a cell: overhead, cells per second, memory of the parent against the number of cells.
 
-    python benchmarks/engine.py [cells ...]
+python benchmarks/engine.py [cells ...]
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ def make_plugin(folder: Path) -> None:
     (folder / "trivial" / "__init__.py").write_text('"""A trivial analysis."""\n')
     (folder / "trivial" / "nothing.py").write_text(NOTHING)
     (folder / "conf" / "analysis").mkdir(parents=True)
-    (folder / "conf" / "analysis" / "nothing.yaml").write_text("_target_: trivial.nothing.Nothing\nvalue: 0.0\n")
+    (folder / "conf" / "analysis" / "nothing.yaml").write_text(
+        "_target_: trivial.nothing.Nothing\nvalue: 0.0\n"
+    )
 
 
 def sweep(folder: Path, cells: int, executor: str, name: str) -> tuple[float, float]:
@@ -48,7 +50,9 @@ def sweep(folder: Path, cells: int, executor: str, name: str) -> tuple[float, fl
     ]  # fmt: skip
     env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "sysid_bench", *words], cwd=folder, env=env, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sysid_bench", *words], cwd=folder, env=env, stdout=subprocess.DEVNULL
+    )
     peak = 0.0
     while process.poll() is None:
         peak = max(peak, _resident_mib(process.pid))
@@ -70,7 +74,9 @@ def main(counts: list[int]) -> None:
         folder = Path(temporary)
         make_plugin(folder)
         for executor in ("serial", "local"):
-            start_up = statistics.median(sweep(folder, 1, executor, f"one_{executor}_{k}")[0] for k in range(RUNS))
+            start_up = statistics.median(
+                sweep(folder, 1, executor, f"one_{executor}_{k}")[0] for k in range(RUNS)
+            )
             print(f"{executor}: start-up with one cell {start_up:.2f} s (median of {RUNS})")
             for cells in counts:
                 seconds, peak = sweep(folder, cells, executor, f"many_{executor}_{cells}")
