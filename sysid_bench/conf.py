@@ -115,10 +115,7 @@ def option(group: str, name: str, plugins: Plugins = Plugins()) -> dict[str, Any
     known = groups(plugins).get(group, [])
     if name not in known:
         raise InputError(f"{group}={name}: no such option. {group} has: {', '.join(known) or 'none'}.")
-    node = _composed(f"{group}/{name}", [], plugins)
-    for part in (group, *name.split("/")[:-1]):
-        node = node.get(part, node)
-    return {key: value for key, value in node.items() if key != "choices"}
+    return _composed(None, [f"+{group}={name}"], plugins)[group]
 
 
 def _override(text: str, plugins: Plugins) -> str:
@@ -132,10 +129,10 @@ def _override(text: str, plugins: Plugins) -> str:
     if key.lstrip("+") in VERBATIM and value not in ("null", ""):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("${", "\\${")
         return f'{key}="{escaped}"'
-    return text
+    return f"++{text}" if key.startswith("axes.") else text
 
 
-def _composed(name: str, overrides: Iterable[str], plugins: Plugins) -> dict[str, Any]:
+def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> dict[str, Any]:
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
@@ -155,7 +152,7 @@ def _composed(name: str, overrides: Iterable[str], plugins: Plugins) -> dict[str
                 del cfg["hydra"]
             plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except (HydraException, OmegaConfBaseException) as problem:
-        raise InputError(_one_message(name, problem)) from None
+        raise InputError(_one_message(name or "option", problem)) from None
     assert isinstance(plain, dict) and isinstance(choices, dict)
     own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
     return {**plain, "choices": own}

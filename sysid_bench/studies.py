@@ -76,7 +76,7 @@ def _at_scale(cfg: Mapping[str, Any]) -> dict[str, Any]:
     changed = {
         **cfg,
         "study": dict(cfg["study"]),
-        "axes": dict(cfg["axes"]),
+        "axes": _flat(cfg["axes"]),
         "cases": list(cfg["cases"] or []),
     }
     for key, value in cfg["full"].items() if scale == "full" else ():
@@ -85,6 +85,15 @@ def _at_scale(cfg: Mapping[str, Any]) -> dict[str, Any]:
             raise InputError(f"full.{key}: only study.* and axes.* keys can change with the scale.")
         changed[head][rest] = value
     return changed
+
+
+def _flat(axes: Mapping[str, Any]) -> dict[str, Any]:
+    """Axes by dotted key; a command line's axes.sampling.h_s=[...] comes as nested mappings."""
+    found: dict[str, Any] = {}
+    for key, value in axes.items():
+        parts = {f"{key}.{k}": v for k, v in _flat(value).items()} if isinstance(value, Mapping) else {key: value}
+        found |= parts
+    return found
 
 
 def _pairs(text: str | None) -> dict[str, str]:

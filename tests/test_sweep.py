@@ -22,7 +22,7 @@ STUDY = [
     "sampling.N=600",
     "study.repetitions=3",
     "axes.method=[arx,n4sid_d2c]",
-    "+axes.noise=[none,white]",
+    "axes.noise=[none,white]",
     "views=false",
 ]
 
