@@ -81,6 +81,16 @@ def _identify_rows(task: Task, work: Work) -> Iterator[dict[str, Any]]:
         yield _identify_row(task, cell, plant, acquired, bound)
 
 
+def check_task(task: Task) -> None:
+    """Build all that a task names and ask for its signal once, before the work. Raises InputError."""
+    parts = {name: build_cached(text, task.packages) for name, text in task.parts.items()}
+    for cell in task.cells:
+        build_cached(cell.solver, task.packages)
+    if "excitation" in parts:
+        sampling, rng = parts["sampling"], np.random.default_rng(task.seed)
+        parts["excitation"].signal(sampling.N, sampling.h_s, parts["plant"].nu, rng)
+
+
 def acquire(task: Task, plant: Plant) -> Acquired:
     """The record of a task: made once, the same for every method."""
     parts = {name: build_cached(text, task.packages) for name, text in task.parts.items() if name != "plant"}

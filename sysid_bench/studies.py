@@ -22,10 +22,11 @@ def study_of(cfg: Mapping[str, Any], overrides: Mapping[str, Any] = {}) -> Study
     """
     plugins = cfg.get("plugins") or conf.Plugins()
     cfg = _at_scale(cfg)
+    cfg["axes"] = {key: _listed(key, values, plugins) for key, values in cfg["axes"].items()}
     base = {g: Option(cfg["choices"].get(g) or g, cfg[g]) for g in GROUPS if cfg.get(g) is not None}
     points = [
         *cfg["cases"],
-        *({key: value} for key, values in cfg["axes"].items() for value in _listed(key, values)),
+        *({key: value} for key, values in cfg["axes"].items() for value in values),
     ]
     names = {(key, value) for point in points for key, value in point.items() if "." not in key}
     options = {(g, name): _option(g, name, base, overrides, plugins) for g, name in sorted(names)}
@@ -47,9 +48,11 @@ def command_line_knobs(overrides: Iterable[str]) -> dict[str, Any]:
     return found
 
 
-def _listed(key: str, values: Any) -> Sequence[Any]:
+def _listed(key: str, values: Any, plugins: conf.Plugins) -> Sequence[Any]:
+    if values == "all" and key in GROUPS:
+        return conf.groups(plugins).get(key, [])
     if not isinstance(values, list):
-        raise InputError(f"axes.{key} must be a list; got {values!r}. One value is a list of one.")
+        raise InputError(f"axes.{key} must be a list (or, for a group, the word all); got {values!r}.")
     return values
 
 
@@ -91,7 +94,9 @@ def _flat(axes: Mapping[str, Any]) -> dict[str, Any]:
     """Axes by dotted key; a command line's axes.sampling.h_s=[...] comes as nested mappings."""
     found: dict[str, Any] = {}
     for key, value in axes.items():
-        parts = {f"{key}.{k}": v for k, v in _flat(value).items()} if isinstance(value, Mapping) else {key: value}
+        parts = (
+            {f"{key}.{k}": v for k, v in _flat(value).items()} if isinstance(value, Mapping) else {key: value}
+        )
         found |= parts
     return found
 

@@ -17,7 +17,7 @@ from sysid_bench import plan
 from sysid_bench.build import build
 from sysid_bench.nouns import STATUSES, Executor, InputError
 from sysid_bench.progress import watched
-from sysid_bench.run import Work
+from sysid_bench.run import Work, check_task
 from sysid_bench.store import Store
 from sysid_bench.studies import command_line_knobs, study_of
 from sysid_bench.table import read_table, summary, write_csv, write_table
@@ -32,11 +32,14 @@ def main(cfg: dict[str, Any]) -> int:
     failure is a row."""
     words = cfg.get("words", [])
     study = study_of(cfg, command_line_knobs(words))
-    folder = study_folder(Path(cfg["results_dir"]), study.name)
     executor = build(cfg["executor"], study.packages)
-    work = Work(cfg["records"], str(folder / "records"))
     retry = _statuses(cfg["retry"])
     check_figures(cfg)
+    for task in plan.tasks(study):
+        if not task.repetition:
+            check_task(task)
+    folder = study_folder(Path(cfg["results_dir"]), study.name)
+    work = Work(cfg["records"], str(folder / "records"))
     order = freeze(study, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
