@@ -6,7 +6,7 @@ only; leaving them out costs no information and makes the work independent of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,19 @@ def observations(weight: Array) -> int:
     """Real numbers in the bins: two each, one at zero frequency and at Nyquist."""
     single = np.count_nonzero(weight < 0.9 * weight.max())
     return 2 * len(weight) - single
+
+
+def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
+    """Every so many-th of the first F bins, about `bins` of them: enough to start from, at a fraction of the cost.
+
+    Unchanged where the likelihood needs all bins (missing samples, several periods).
+    """
+    stride = F // bins
+    if stride < 2 or data.mask is not None or (data.drive is None and data.period != data.N):
+        return data, F
+    parts = {name: getattr(data, name)[:F:stride] for name in ("omega", "weight", "U", "Y")}
+    drive = None if data.drive is None else data.drive[:, :F:stride]
+    return replace(data, **parts, drive=drive), len(parts["omega"])
 
 
 def noise_floor(Y: Complex) -> Array:

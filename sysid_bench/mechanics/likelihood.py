@@ -168,7 +168,7 @@ def _without_transient(modes, run, fit, main, GW, H, g) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """Where the search ended: theta, information H of theta, cost, iterations, converged."""
+    """Where the search ended: theta, information H of theta (one last, small step before), cost, iterations."""
 
     theta: Array
     H: Array
@@ -195,7 +195,6 @@ def maximise(
             phi, point = (phi, point) if step is None else (step.phi, step.point)
             break
         phi, point, mu = step.phi, step.point, step.mu
-    H, _ = information_and_gradient(point, runs)
     return Maximum(point.theta, H, point.cost, iterations, converged or _at_rounding(point, runs), point)
 
 

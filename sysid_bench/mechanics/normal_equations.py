@@ -32,14 +32,25 @@ class _Pairing(NamedTuple):
     scale: Array
 
 
+@lru_cache(maxsize=64)
+def upper(n: int) -> tuple[Array, Array]:
+    """Rows and columns of the upper triangle by rows, as theta has them."""
+    return np.triu_indices(n)
+
+
+@lru_cache(maxsize=64)
+def _strictly_upper(n: int) -> tuple[Array, Array]:
+    return np.triu_indices(n, 1)
+
+
 def _where(n: int, hermitian: bool) -> tuple[Array, Array, Array]:
     """Index of the real and imaginary part of entry (i, j) in its packed row, and the sign of the latter."""
     if not hermitian:
         entry = np.arange(n * n).reshape(n, n)
         return entry, entry, np.ones((n, n))
-    upper, strict = np.triu_indices(n), np.triu_indices(n, 1)
+    triangle, strict = np.triu_indices(n), np.triu_indices(n, 1)
     real, imag, sign = np.zeros((n, n), int), np.zeros((n, n), int), np.zeros((n, n))
-    real[upper] = real[upper[::-1]] = np.arange(len(upper[0]))
+    real[triangle] = real[triangle[::-1]] = np.arange(len(triangle[0]))
     imag[strict] = imag[strict[::-1]] = np.arange(len(strict[0]))
     sign[strict], sign[strict[::-1]] = 1.0, -1.0
     return real, imag, sign
@@ -48,7 +59,7 @@ def _where(n: int, hermitian: bool) -> tuple[Array, Array, Array]:
 @lru_cache(maxsize=64)
 def _pairings(n: int, hermitian: bool) -> tuple[_Pairing, ...]:
     S, Omega = _where(n, True), _where(n, hermitian)
-    i, j = np.triu_indices(n)
+    i, j = upper(n)
     one, off = np.ones(len(i)), (i != j).astype(float)
     found = []
     for a, b, rows in ((i, j, one), (j, i, off)):
@@ -63,7 +74,7 @@ def _packed(X: Complex, hermitian: bool) -> tuple[Array, Array]:
     if not hermitian:
         return X.real.reshape(len(X), -1), X.imag.reshape(len(X), -1)
     n = X.shape[1]
-    return X[:, *np.triu_indices(n)].real, X[:, *np.triu_indices(n, 1)].imag
+    return X[:, *upper(n)].real, X[:, *_strictly_upper(n)].imag
 
 
 def parameters(n: int) -> int:
@@ -115,14 +126,14 @@ def gradient(s: Complex, back: Complex, q: Complex) -> Array:
 
 def _symmetric(Z: Complex) -> Array:
     """vech of -(Z + Z^T), the diagonal once; Z[j, i]."""
-    i, j = np.triu_indices(len(Z))
+    i, j = upper(len(Z))
     return -np.where(i == j, Z[j, i].real, (Z[j, i] + Z[i, j]).real)
 
 
 def cross(s: Complex, q: Complex, back: Complex) -> Complex:
     """(3q, nt) inner products of the sensitivities with other columns; back (F, n, nt) = (s^a C G)^H W T."""
     F, n, nt = back.shape
-    i, j = np.triu_indices(n)
+    i, j = upper(n)
     motion = np.concatenate([np.conj(q * (s**b)[:, None]) for b in POWERS], axis=1)
     Z = (motion.T @ back.reshape(F, n * nt)).reshape(3, n, n, nt)  # b, j, i, t
     twice = (i != j)[None, :, None]

@@ -90,7 +90,7 @@ def forced(modes: Modes, maps: Maps, data: Spectra, F: int) -> Complex:
 def _steady(modes: Modes, maps: Maps, data: Spectra, inputs: Complex) -> Complex:
     """Steady state to the Fourier series of one period, cut to the record's length."""
     P, N = data.period, data.N
-    s = 2j * np.pi * np.arange(P // 2 + 1) / (P * data.h)
+    s = 1j * data.omega if P == N else 2j * np.pi * np.arange(P // 2 + 1) / (P * data.h)
     U = rfft(data.u[:P], axis=0) if P != N else data.U / data.weight[:, None]
     Y = (((U @ inputs) / (s[:, None] - modes.poles)) @ (maps.C @ modes.shape).T) * s[:, None] ** maps.power
     if P == N:
