@@ -13,7 +13,6 @@ from sysid_bench.papers.evidence import Table, Tables
 
 UNDAMPED, UNDER, CRITICAL, OVER = "one_dof_undamped", "one_dof", "one_dof_critical", "one_dof_overdamped"
 DAMPINGS = {UNDAMPED: 0.0, UNDER: 1.0, CRITICAL: 2.0, OVER: 4.0}
-DAMPED = (UNDER, CRITICAL, OVER)
 FALLING = ("a1", "a2", "b2")
 MEASURED = ("a1", "a2", "b1", "b2")
 FALL_T = np.pi / np.sqrt(0.75)  # pi / omega_d of c = 1
