@@ -49,13 +49,15 @@ def test_kappa_grows_as_the_inverse_square():
 def test_unperturbed_zoh_comes_back():
     A, b = np.array([[0.0, 1.0], [-3.0, -0.5]]), np.array([0.0, 0.5])
     F, G = c2d_zoh(A, b[:, None], 0.3)
-    found = inverse_zoh(F, G[:, 0], 0.3)
-    assert np.allclose(found[0], A, atol=1e-12) and np.allclose(found[1], b, atol=1e-12)
-    assert lumped(*found) == pytest.approx([2.0, 1.0, 6.0])
+    As, bs = inverse_zoh(F[None], G[None, :, 0], 0.3)
+    assert np.allclose(As[0], A, atol=1e-12) and np.allclose(bs[0], b, atol=1e-12)
+    assert lumped(As, bs)[0] == pytest.approx([2.0, 1.0, 6.0])
 
 
-def test_a_model_without_logarithm_is_counted_not_hidden():
-    assert inverse_zoh(np.diag([-0.5, 0.5]), np.ones(2), 0.1) is None
+def test_a_model_without_logarithm_is_left_out():
+    F = np.array([np.diag([-0.5, 0.5]), np.diag([0.4, 0.5])])
+    As, _ = inverse_zoh(F, np.ones((2, 2)), 0.1)
+    assert len(As) == 1 and np.allclose(As[0], np.diag(np.log([0.4, 0.5])) / 0.1)
 
 
 def test_midpoint_errors_follow_h():

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from sysid_bench.papers.evidence import Tables
 
+Numbers = tuple[float, float, float]  # as printed, as meant, exact
 CONFIRMED, PARTLY, REFUTED = "confirmed", "confirmed in part", "refuted"
 
 
@@ -40,7 +41,7 @@ class Misprint:
     printed: str
     meant: str
     quantity: str = ""
-    numbers: Callable[[], tuple[float, float, float]] | None = None
+    numbers: Callable[[], Numbers] | None = None
 
 
 def word(holds: bool, partly: bool = False) -> str:

@@ -87,11 +87,18 @@ class Tables:
         return [s for s in studies if not (self.folder / s / "table.parquet").is_file()]
 
 
+def slope(table: Table, name: str, along: str, low: float, high: float) -> float:
+    """Exponent of the medians of one column between two points of another."""
+    key = along.replace(".", "__")
+    ends = [table.at(**{key: x}).median(name) for x in (low, high)]
+    return float(np.log(ends[1] / ends[0]) / np.log(high / low))
+
+
 PAPERS = {
     "kapucu_baysec_1997": ("fig2_5", "fall", "identifiability", "record_length", "response"),
     "bruschetta_2011": (
         "bias", "discretisation", "energy", "fig3_1", "fig3_2", "fig5_10_13", "fig5_14_15", "fig5_2_5", "fig5_6_9",
-        "figA_1", "horizon", "passivity", "zoh_input",
+        "figA_1", "hidden_step", "horizon", "passivity", "zoh_input",
     ),
 }  # fmt: skip
 

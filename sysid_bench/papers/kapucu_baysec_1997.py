@@ -156,7 +156,7 @@ def fall_beyond_critical(tables: Tables) -> Verdict:
 def _beyond(at: Table) -> tuple[str, float]:
     """a1 and b2 with their theory at one point, and the larger relative deviation."""
     pairs = [(name, at.median(name), at.median(f"{name}_theory")) for name in ("a1", "b2")]
-    words = ", ".join(f"{name} {number(x)} (theory {number(y)})" for name, x, y in pairs)
+    words = ", ".join(f"{name} {number(round(x, 9) + 0.0)} (theory {number(y)})" for name, x, y in pairs)
     return words, max(abs(x / y - 1) for _, x, y in pairs)
 
 

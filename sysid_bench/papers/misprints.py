@@ -6,14 +6,12 @@ import numpy as np
 
 from sysid_bench.analyses.conversion_error import kappa, kappa_printed
 from sysid_bench.mechanics import kapucu_baysec
-from sysid_bench.mechanics.conversion import c2d_zoh
 from sysid_bench.mechanics.integrators import one_step
-from sysid_bench.mechanics.second_order import companion, input_matrix
+from sysid_bench.mechanics.second_order import companion
 from sysid_bench.nouns import Array
-from sysid_bench.papers.bruschetta_2011_theory import D3, K3, M3
-from sysid_bench.papers.claims import Misprint
+from sysid_bench.papers.bruschetta_2011_theory import K3, start_of_pem, zoh_companion
+from sysid_bench.papers.claims import Misprint, Numbers
 
-Numbers = tuple[float, float, float]  # as printed, as meant, exact
 AT = (2.0, 1.0, 3.0, 1.0)  # m kg, c N s/m, k N/m, T s
 
 
@@ -28,26 +26,6 @@ def _kapucu_baysec(misprint: kapucu_baysec.Misprint) -> Misprint:
         misprint.quantity,
         numbers if misprint.checked else None,
     )
-
-
-def zoh_companion(h: float) -> tuple[Array, Array, Array, Array]:
-    """F21, F22, B1, B2 (3, 3) of the three masses' exact ZOH model, (4.9)-(4.12)."""
-    A, B = companion(M3, D3, K3), input_matrix(M3, np.eye(3))
-    F, G = c2d_zoh(A, B, h)
-    H = np.eye(3, 6)
-    F21, F22 = np.hsplit(np.linalg.solve(np.vstack([H, H @ F]).T, (H @ F @ F).T).T, 2)
-    return F21, F22, H @ G, H @ F @ G - F22 @ H @ G
-
-
-def start_of_pem(h: float = 0.05) -> Numbers:
-    """M[0][0] that (4.15) and (2.26) find in an exact ZOH model, J = B1 + B2 and (B1 + B2) / h."""
-    F21, F22, B1, B2 = zoh_companion(h)
-
-    def mass(J: Array) -> float:
-        Md = np.linalg.inv(J)
-        return float((h / 4 * (Md - Md @ F21 + Md @ F22))[0, 0])
-
-    return mass(B1 + B2), mass((B1 + B2) / h), float(M3[0, 0])
 
 
 def gain_of_4_14(h: float = 0.05) -> Numbers:

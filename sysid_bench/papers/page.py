@@ -10,6 +10,7 @@ import numpy as np
 from sysid_bench.mechanics import kapucu_baysec as formulas
 from sysid_bench.papers import (
     bruschetta_2011,
+    bruschetta_2011_conversion,
     bruschetta_2011_theory,
     kapucu_baysec_1997,
     kapucu_baysec_1997_use,
@@ -25,7 +26,10 @@ PAPERS = {
         kapucu_baysec_1997.CLAIMS + kapucu_baysec_1997_use.CLAIMS,
         misprints.KAPUCU_BAYSEC,
     ),
-    "Bruschetta (2011)": (bruschetta_2011_theory.CLAIMS + bruschetta_2011.CLAIMS, misprints.BRUSCHETTA),
+    "Bruschetta (2011)": (
+        bruschetta_2011_conversion.CLAIMS + bruschetta_2011_theory.CLAIMS + bruschetta_2011.CLAIMS,
+        misprints.BRUSCHETTA,
+    ),
 }
 HEAD = """# What the two papers claim, and what their claims come to here
 
