@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob, Seen, Suspect
 from sysid_bench.mechanics.paths import lag
 
 
@@ -25,6 +25,9 @@ class ActuatorLag(Effect):
 
     dof: int | tuple[int, int] | None = 0
     time_constant: float = 0.01
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.changed("time_constant", f / seen.omega_high) for f in (0.03, 0.08, 0.2, 0.5)]
 
     def act(self, stages, h, channels, memory):
         """Stage values (S, 3, nu) -> the same, lagging; memory (nu,): the drive's force so far."""

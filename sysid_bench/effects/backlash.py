@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,9 @@ class Backlash(Effect):
     dof: int | tuple[int, int] | None = 0
     stiffness: float = 1.0
     gap: float = 0.1
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.unit("stiffness", gap=f * seen.x_rms) for f in (0.1, 0.2, 0.35, 0.5, 0.75, 1.0)]
 
     def at_rest(self, x):
         return [x]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 def _slope(z, dx, p):
@@ -37,6 +37,10 @@ class BoucWenHysteresis(Effect):
     yield_displacement: float = 0.1
     exponent: float = 1.0
     shape: float = 0.5
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        grid = [(f, e) for f in (0.15, 0.3, 0.6, 1.0, 1.6) for e in (1.0, 2.0)]
+        return [self.unit("stiffness", yield_displacement=f * seen.x_rms, exponent=e) for f, e in grid]
 
     def law(self, at: At, p):
         dx = at.x - at.x_before

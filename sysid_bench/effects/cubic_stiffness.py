@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from sysid_bench.mechanics.effect import At, Effect, Knob
+from sysid_bench.mechanics.effect import At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,9 @@ class CubicStiffness(Effect):
 
     dof: int | tuple[int, int] | None = 0
     stiffness: float = 1.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.unit("stiffness")]
 
     def law(self, at: At, p):
         return p.stiffness * at.x * at.x * at.x, []

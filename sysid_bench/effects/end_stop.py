@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,11 @@ class EndStop(Effect):
     gap: float = 0.1
     damping: float = 0.0
     side: float = 0.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        gaps = [f * seen.x_rms for f in (0.6, 0.85, 1.1, 1.4, 1.7, 2.1)]
+        gaps += [f * seen.x_max for f in (0.7, 0.8, 0.88, 0.94)]  # rare hits: near the largest excursion
+        return [self.unit("stiffness", gap=g, side=side) for g in gaps for side in (-1.0, 0.0, 1.0)]
 
     def law(self, at: At, p):
         over, under = ca.fmax(at.x - p.gap, 0), ca.fmin(at.x + p.gap, 0)

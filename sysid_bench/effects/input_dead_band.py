@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,9 @@ class InputDeadBand(Effect):
 
     dof: int | tuple[int, int] | None = 0
     width: float = 0.1
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.changed("width", f * seen.u_rms) for f in (0.15, 0.3, 0.6, 1.0)]
 
     def act(self, stages, h, channels, memory):
         """Stage values (S, 3, nu) of small steps of h seconds -> the same, limited; needs no memory."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, Effect, Knob, Seen, Suspect
 
 
 def _between(later, newer, share):
@@ -38,6 +38,9 @@ class InputDelay(Effect):
 
     dof: int | tuple[int, int] | None = 0
     delay: float = 0.01
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.changed("delay", f * seen.h) for f in (0.3, 0.7, 1.5, 3.0, 6.0)]
 
     def act(self, stages, h, channels, memory):
         """Stage values (S, 3, nu) -> the same, later; memory (m, 2, nu): what is still under way."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,9 @@ class LoadDependentFriction(Effect):
     dof: int | tuple[int, int] | None = 0
     coefficient: float = 1.0
     speed: float = 0.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.unit("coefficient", speed=0.01 * seen.v_rms)]
 
     def law(self, at: At, p):
         level = p.coefficient * ca.fabs(at.x)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,9 @@ class PeriodicDisturbance(Effect):
     amplitude: float = 1.0
     frequency: float = 1.0
     phase: float = 0.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.wave("amplitude", "phase", frequency=f) for f in seen.search("tone")]
 
     def law(self, at: At, p):
         return -p.amplitude * ca.sin(2 * ca.pi * p.frequency * at.t + p.phase), []

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,9 @@ class PositionRipple(Effect):
     amplitude: float = 1.0
     pitch: float = 0.1
     phase: float = 0.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.wave("amplitude", "phase", pitch=p) for p in seen.search("pitch")]
 
     def law(self, at: At, p):
         return -p.amplitude * ca.sin(2 * ca.pi * at.x / p.pitch + p.phase), []

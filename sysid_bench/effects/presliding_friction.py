@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,19 @@ class PreslidingFriction(Effect):
     dof: int | tuple[int, int] | None = 0
     force: float = 1.0
     stiffness: float = 100.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self._sliding_after(share * seen.x_rms) for share in (0.03, 0.08, 0.2, 0.5)]
+
+    def _sliding_after(self, displacement: float) -> Suspect:
+        one = replace(self, force=1.0, stiffness=1.0 / displacement)
+
+        def make(c):
+            return (
+                replace(self, force=float(c[0]), stiffness=float(c[0]) / displacement) if c[0] > 0 else None
+            )
+
+        return Suspect((one,), make)
 
     def law(self, at: At, p):
         dx = at.x - at.x_before

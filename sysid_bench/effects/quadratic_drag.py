@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,9 @@ class QuadraticDrag(Effect):
 
     dof: int | tuple[int, int] | None = 0
     coefficient: float = 1.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.unit("coefficient")]
 
     def law(self, at: At, p):
         return p.coefficient * ca.fabs(at.v) * at.v, []

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob, Seen, Suspect
 from sysid_bench.mechanics.paths import rate_limited
 
 
@@ -25,6 +25,9 @@ class RateLimit(Effect):
 
     dof: int | tuple[int, int] | None = 0
     rate: float = 10.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.changed("rate", f * seen.u_step / seen.h) for f in (0.15, 0.3, 0.5, 0.75)]
 
     def act(self, stages, h, channels, memory):
         """Stage values (S, 3, nu) -> the same, slowed; memory (nu,): the drive's force so far."""

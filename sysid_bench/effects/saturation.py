@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,9 @@ class Saturation(Effect):
 
     dof: int | tuple[int, int] | None = 0
     limit: float = 1.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.changed("limit", f * seen.u_max) for f in (0.35, 0.5, 0.65, 0.8, 0.92)]
 
     def act(self, stages, h, channels, memory):
         """Stage values (S, 3, nu) of small steps of h seconds -> the same, limited; needs no memory."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import POSITIVE, At, Effect, Knob, Seen, Suspect
 
 # A sum of relaxations at log-spaced rates: sum of w s / (s + r) has a flat loss of (pi / 2) w / ln(spacing).
 RATES = [float(r) for r in np.geomspace(1e-2, 1e2, 9)]
@@ -31,6 +31,10 @@ class StructuralDamping(Effect):
     dof: int | tuple[int, int] | None = 0
     stiffness: float = 1.0
     frequency: float = 1.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        middle = (seen.omega_low * seen.omega_high) ** 0.5 / (2 * np.pi)
+        return [self.unit("stiffness", frequency=float(middle))]
 
     def at_rest(self, x):
         return [x] * self.states

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import casadi as ca
 
-from sysid_bench.mechanics.effect import NOT_NEGATIVE, At, Effect, Knob
+from sysid_bench.mechanics.effect import NOT_NEGATIVE, At, Effect, Knob, Seen, Suspect
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,16 @@ class TimeVaryingStiffness(Effect):
     amplitude: float = 0.0
     frequency: float = 1.0
     phase: float = 0.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        swings = [self.wave("amplitude", "phase", frequency=f) for f in seen.search("modulation")]
+        still = replace(self, amplitude=0.0)
+        drift = (replace(still, slope=1.0), replace(still, slope=0.0, curvature=1.0))
+        return [
+            Suspect(drift, lambda c: replace(still, slope=float(c[0]), curvature=float(c[1]))),
+            self.unit("slope", amplitude=0.0),
+            *swings,
+        ]
 
     def law(self, at: At, p):
         t = at.t

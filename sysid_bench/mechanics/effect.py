@@ -11,6 +11,7 @@ An effect file holds one frozen dataclass: its fields are `dof` and its paramete
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
@@ -43,6 +44,39 @@ class At:
     x_before: Any
     mobility: Any
     z: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a suspect may know of the record at its place: sizes to lay its grid over.
+
+    x_rms, x_max m; v_rms m/s; u_rms, u_max, u_step N (step: largest change between samples);
+    h, duration s; omega_low, omega_high rad/s of the plant; search(kind) -> values worth trying:
+    "tone" Hz, "modulation" Hz, "pitch" m, found from the unexplained force itself
+    """
+
+    x_rms: float
+    x_max: float
+    v_rms: float
+    u_rms: float
+    u_max: float
+    u_step: float
+    h: float
+    duration: float
+    omega_low: float
+    omega_high: float
+    search: Callable[[str], list[float]]
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """How an effect is suspected: unit forms whose forces are fitted linearly, and what the coefficients mean.
+
+    make(coefficients) -> the effect with these values, None where nature does not allow them.
+    """
+
+    columns: tuple[Effect, ...]
+    make: Callable[[Array], Effect | None]
 
 
 @dataclass(frozen=True)
@@ -108,6 +142,37 @@ class Effect:
     def at_rest(self, x: float) -> list[float]:
         """Internal states when the place rests at x."""
         return [0.0] * self.states
+
+    def unit(self, key: str, **shape: float) -> Suspect:
+        """Suspect whose force is linear in one parameter; the others are fixed by `shape`."""
+        one = dataclasses.replace(self, **{key: 1.0}, **shape)
+        low, high = self.knobs[key].range
+
+        def make(c: Array) -> Effect | None:
+            return dataclasses.replace(one, **{key: float(c[0])}) if low <= c[0] <= high else None
+
+        return Suspect((one,), make)
+
+    def changed(self, key: str, value: float, **shape: float) -> Suspect:
+        """Suspect of the actuator path: what it changes, at one value, must come out about once."""
+        one = dataclasses.replace(self, **{key: value}, **shape)
+        return Suspect((one,), lambda c: one if 0.3 < c[0] < 3.0 else None)
+
+    def wave(self, amplitude: str, phase: str, **shape: float) -> Suspect:
+        """Suspect of a sine of unknown phase: its two quadratures."""
+        quadratures = [
+            dataclasses.replace(self, **{amplitude: 1.0, phase: a}, **shape) for a in (0, np.pi / 2)
+        ]
+
+        def make(c: Array) -> Effect:
+            size, angle = float(np.hypot(c[0], c[1])), float(np.arctan2(c[1], c[0]))
+            return dataclasses.replace(quadratures[0], **{amplitude: size, phase: angle})
+
+        return Suspect(tuple(quadratures), make)
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        """Forms to screen for. A force law without its own grid is tried as it stands, linear in its first parameter."""
+        return [self.unit(self.numeric[0])] if self.path == "force" and self.numeric else []
 
     def law(self, at: At, p: SimpleNamespace) -> tuple[Any, list[Any]]:
         """Force and next states, CasADi expressions. p holds the parameters by name."""

@@ -1,0 +1,157 @@
+"""records -> traces: what the gap workflow works on, whitened and cut to the band where something can be told.
+
+Everything after this lives on the DFT bins of that band: a few hundred complex numbers per channel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid_bench.mechanics.stages import stage_values
+from sysid_bench.nouns import Array, InputError, Model, Record
+
+SMOOTHING_BINS = 21
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One record: u (N, nu), y (N, ny), h s, good (N,) bool; F bins up to the band's end; weight (ny,)."""
+
+    u: Array
+    y: Array
+    h: float
+    t0: float
+    good: np.ndarray
+    hold: str
+    period: int | None
+    F: int = 0
+    weight: Array = field(default_factory=lambda: np.zeros(0))
+    _stages: dict = field(default_factory=dict)
+
+    @property
+    def N(self) -> int:
+        return len(self.y)
+
+    @property
+    def t(self) -> Array:
+        return self.t0 + self.h * np.arange(self.N)
+
+    @property
+    def omega(self) -> Array:
+        """(F,) rad/s of the bins of the band."""
+        return 2 * np.pi * np.arange(self.F) / (self.N * self.h)
+
+    def stages(self, substeps: int, hold: str | None = None) -> Array:
+        """(S, 3, nu) stage values of the input, computed once."""
+        key = (substeps, hold or self.hold)
+        if key not in self._stages:
+            self._stages[key] = stage_values(self.u, self.h, key[1], substeps, None, self.period)
+        return self._stages[key]
+
+    def filled(self, residual: Array) -> Array:
+        """Residual (N, ny) with straight lines over samples that are not good."""
+        if self.good.all():
+            return residual
+        k = np.arange(self.N)
+        return np.column_stack([np.interp(k, k[self.good], c[self.good]) for c in residual.T])
+
+    def spectrum(self, x: Array) -> np.ndarray:
+        """(F, ...) DFT of x (N, ...) in the band."""
+        return np.fft.rfft(x, axis=0)[: self.F]
+
+    def signal(self, X: np.ndarray) -> Array:
+        """(N, ...) real signal of a spectrum (F, ...)."""
+        full = np.zeros((self.N // 2 + 1, *X.shape[1:]), dtype=complex)
+        full[: self.F] = X
+        return np.fft.irfft(full, self.N, axis=0)
+
+    def rows(self, X: np.ndarray) -> Array:
+        """(2 F ny, ...) whitened real rows of spectra (F, ny, ...): unit variance where X is measurement noise."""
+        W = X * self.weight.reshape(1, -1, *([1] * (X.ndim - 2)))
+        W = W.reshape(-1, *X.shape[2:])
+        return np.concatenate([W.real, W.imag])
+
+
+def trace_of(record: Record, model: Model) -> Trace:
+    """Trace of one record, before its band is known. Raises InputError where record and model do not fit."""
+    if record.nu != model.nu or record.ny != model.ny:
+        raise InputError(
+            f"the model has {model.nu} input(s) and {model.ny} output(s); the record has {record.nu} and "
+            f"{record.ny}. Check input_map and output_map."
+        )
+    good = np.ones(record.N, dtype=bool) if record.quality is None else record.quality == 0
+    good &= np.isfinite(record.y).all(axis=1) & np.isfinite(record.u).all(axis=1)
+    hold = model.hold or record.hold or "zoh"
+    y, u = np.nan_to_num(record.y), np.nan_to_num(record.u)
+    t, h = record.t, None
+    if record.is_uniform:
+        h = record.h
+    else:
+        t, u, y, good, h = _regular(record, u, y, good, hold)
+    if good.sum() < 20 * (model.n + 1):
+        raise InputError(f"{good.sum()} good samples are too few for {model.n} degree(s) of freedom.")
+    k = np.arange(len(y))
+    if not good.all():
+        y = np.column_stack([np.interp(k, k[good], c[good]) for c in y.T])
+        u = _filled_input(u, good, hold)
+    return Trace(u, y, h, float(t[0]), good, hold, record.period)
+
+
+def _filled_input(u: Array, good: np.ndarray, hold: str) -> Array:
+    if hold == "zoh":
+        last = np.maximum.accumulate(np.where(good, np.arange(len(u)), 0))
+        return u[last]
+    k = np.arange(len(u))
+    return np.column_stack([np.interp(k, k[good], c[good]) for c in u.T])
+
+
+def _regular(record: Record, u: Array, y: Array, good: np.ndarray, hold: str):
+    """A record with holes on its regular grid; the holes are not good."""
+    h = float(np.median(np.diff(record.t)))
+    place = np.rint((record.t - record.t[0]) / h).astype(int)
+    jitter = np.abs((record.t - record.t[0]) / h - place).max()
+    if jitter > 0.2 or len(np.unique(place)) < len(place):
+        raise InputError(
+            f"the samples lie up to {jitter:.2g} steps off a regular grid of {h:g} s; the gap workflow needs a "
+            "constant step, with holes at most. Resample the record."
+        )
+    N = place[-1] + 1
+    grid = record.t[0] + h * np.arange(N)
+    full_good = np.zeros(N, dtype=bool)
+    full_good[place] = good
+    full_u, full_y = np.zeros((N, u.shape[1])), np.zeros((N, y.shape[1]))
+    full_u[place], full_y[place] = u, y
+    return grid, full_u, full_y, full_good, h
+
+
+def noise_floor(trace: Trace, residual: Array, lattice: Array) -> Array:
+    """(ny,) noise variance: the residual's median periodogram above 0.6 Nyquist, and a lattice's step^2 / 12."""
+    R = np.abs(np.fft.rfft(trace.filled(residual), axis=0)) ** 2 / trace.N
+    high = R[int(0.6 * len(R)) :]
+    floor = np.median(high, axis=0) / np.log(2)
+    scale = np.mean(trace.y**2, axis=0)
+    return np.maximum(np.maximum(floor, lattice**2 / 12), 1e-14 * scale + 1e-300)
+
+
+def band_end(trace: Trace, variance: Array, omega_max: float) -> float:
+    """rad/s up to which the record says anything: where its smoothed spectrum still stands above the noise."""
+    S = np.abs(np.fft.rfft(trace.y, axis=0)) ** 2 / trace.N
+    kernel = np.ones(SMOOTHING_BINS) / SMOOTHING_BINS
+    omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
+    top = 0.0
+    for c in range(S.shape[1]):
+        above = np.flatnonzero(np.convolve(S[:, c], kernel, "same") > 2.5 * variance[c])
+        top = max(top, omega[above[-1]] if len(above) else 0.0)
+    return min(max(1.5 * omega_max, 1.15 * top), 0.5 * np.pi / trace.h, 6 * omega_max)
+
+
+def banded(trace: Trace, variance: Array, end: float) -> Trace:
+    """The trace with its band and weights set."""
+    F = max(int(np.searchsorted(2 * np.pi * np.fft.rfftfreq(trace.N, trace.h), end)), 8)
+    share = np.mean(trace.good)
+    weight = np.sqrt(2 / (trace.N * share)) / np.sqrt(variance)
+    return Trace(
+        trace.u, trace.y, trace.h, trace.t0, trace.good, trace.hold, trace.period, F, weight, trace._stages
+    )
