@@ -86,7 +86,9 @@ class Draw:
     def __init__(self, seed, kind=None, size=None, name=None, strength=(0.1, 0.6), small=12):
         self.rng = rng = np.random.default_rng(seed)
         self.size = size or str(rng.choice(["one", "three", "eight"], p=[0.4, 0.45, 0.15]))
-        self.kind = kind or str(rng.choice(["single", "double", "none", "parameters", "unknown"], p=[0.6, 0.12, 0.08, 0.08, 0.12]))
+        self.kind = kind or str(
+            rng.choice(["single", "double", "none", "parameters", "unknown"], p=[0.6, 0.12, 0.08, 0.08, 0.12])
+        )
         self.M, self.D, self.K, self.h = plant(self.size, rng)
         self.n = n = len(self.M)
         self.nominal = [self.M.copy(), self.D.copy(), self.K.copy()]
@@ -95,16 +97,23 @@ class Draw:
         for c, i in enumerate(rng.permutation(n)[:nu]):
             self.L[i, c] = 1
         self.ex = str(rng.choice(["noise", "prbs", "multisine", "chirp"]))
-        self.hold = "zoh" if self.ex == "prbs" else str(rng.choice(["cubic", "zoh", "foh"], p=[0.6, 0.2, 0.2]))
+        self.hold = (
+            "zoh" if self.ex == "prbs" else str(rng.choice(["cubic", "zoh", "foh"], p=[0.6, 0.2, 0.2]))
+        )
         self.N = int(rng.choice([6000, 8000, 10000]))
         w = np.sqrt(np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real)
         self.low, self.high = w.min(), w.max()
         self.small = small
         amplitude = rng.uniform(0.5, 2) * (1 if n < 8 else 4e3)
-        self.us = [amplitude * excite(self.ex, self.N, self.h, nu, self.low, self.high, rng) for _ in range(2)]
+        self.us = [
+            amplitude * excite(self.ex, self.N, self.h, nu, self.low, self.high, rng) for _ in range(2)
+        ]
         self.kinds, self.places, self.P, self.path, self.sensor, self.random = [], [], [], [], [], None
         self.base = self.run(self.us[0], 3)
-        self.truth = {"verdict": self.kind if self.kind in ("none", "parameters", "unknown") else "effect", "effects": []}
+        self.truth = {
+            "verdict": self.kind if self.kind in ("none", "parameters", "unknown") else "effect",
+            "effects": [],
+        }
         self.strength, self.name = strength, name
 
     def run(self, u, small, effects=False, x0=None):
@@ -113,7 +122,9 @@ class Draw:
         for nm, ch, p in path:
             if nm == "input_delay":
                 delay[ch] += p
-        w = np.column_stack([fine_input(u[:, [c]], self.h, self.hold, small, delay[c])[:, 0] for c in range(u.shape[1])])
+        w = np.column_stack(
+            [fine_input(u[:, [c]], self.h, self.hold, small, delay[c])[:, 0] for c in range(u.shape[1])]
+        )
         d = self.h / (2 * small)
         for nm, ch, p in path:
             if nm == "saturation":
@@ -133,7 +144,10 @@ class Draw:
         M, D, K = self.M, self.D, self.K
         kinds, places, P = (self.kinds, self.places, self.P) if effects else ([], [], [])
         if effects and self.random is not None:
-            f = f + np.outer(np.interp(np.arange(len(f)) / (2 * small), np.arange(self.N), self.random[1][:, 0]), self.random[0])
+            f = f + np.outer(
+                np.interp(np.arange(len(f)) / (2 * small), np.arange(self.N), self.random[1][:, 0]),
+                self.random[0],
+            )
         n = self.n
         hidden = [e for e in self.extra] if effects and getattr(self, "extra", None) else []
         for i, m, k, dm in hidden:
@@ -152,7 +166,20 @@ class Draw:
             q0[:n], v0[:n] = x0[0], x0[1]
             for k in range(n, len(M)):
                 q0[k] = q0[hidden[k - n][0]]
-        Q, V = integrate(M, D, K, np.ascontiguousarray(f), self.h, small, is_held, np.array(kinds, dtype=np.int64), places, P, q0, v0)
+        Q, V = integrate(
+            M,
+            D,
+            K,
+            np.ascontiguousarray(f),
+            self.h,
+            small,
+            is_held,
+            np.array(kinds, dtype=np.int64),
+            places,
+            P,
+            q0,
+            v0,
+        )
         return Q[:, :n], V[:, :n]
 
     def place(self, pairs=0.35):
@@ -184,7 +211,13 @@ class Draw:
         if name == "coulomb_friction":
             law(COULOMB, 0.7 * s * size, rng.uniform(0.002, 0.01) * sv)
         elif name == "stribeck_friction":
-            law(STRIBECK, 0.4 * s * size, s * size * rng.uniform(0.4, 1), sv * rng.uniform(0.1, 0.4), 0.005 * sv)
+            law(
+                STRIBECK,
+                0.4 * s * size,
+                s * size * rng.uniform(0.4, 1),
+                sv * rng.uniform(0.1, 0.4),
+                0.005 * sv,
+            )
         elif name == "presliding_friction":
             F, reach = 0.7 * s * size, rng.uniform(0.08, 0.4) * sx
             law(DAHL, F / reach, reach)
@@ -202,7 +235,13 @@ class Draw:
             e, reach, share = rng.choice([1, 2]), sx * rng.uniform(0.3, 1.2), rng.uniform(0.5, 0.9)
             law(BOUC_WEN, kc * rng.uniform(0.2, 0.7), share / reach**e, (1 - share) / reach**e, e)
         elif name == "end_stop":
-            law(STOP, kc * rng.uniform(3, 15), rng.uniform(0.45, 0.8) * top, rng.choice([-1, 0, 1]), rng.choice([0, 0.1]) * kc / self.high)
+            law(
+                STOP,
+                kc * rng.uniform(3, 15),
+                rng.uniform(0.45, 0.8) * top,
+                rng.choice([-1, 0, 1]),
+                rng.choice([0, 0.1]) * kc / self.high,
+            )
         elif name == "position_ripple":
             law(RIPPLE, 0.5 * s * size, 2 * np.pi / (sx * rng.uniform(0.6, 2.2)), rng.uniform(0, 6.28))
         elif name == "time_varying_stiffness":
@@ -218,7 +257,11 @@ class Draw:
                 X[i, i] -= abs(b)
                 X[j, j] -= abs(b)
         elif name == "extra_mode":
-            m, w0, zeta = self.M[place, place] * rng.uniform(0.05, 0.25), rng.uniform(0.7, 1.5) * rng.uniform(self.low, self.high), rng.uniform(0.02, 0.1)
+            m, w0, zeta = (
+                self.M[place, place] * rng.uniform(0.05, 0.25),
+                rng.uniform(0.7, 1.5) * rng.uniform(self.low, self.high),
+                rng.uniform(0.02, 0.1),
+            )
             self.extra = [*getattr(self, "extra", []), (place, m, m * w0**2, 2 * zeta * w0 * m)]
         elif name == "periodic_disturbance":
             w = rng.uniform(0.4, 1.4) * self.low if self.n == 1 else rng.uniform(0.5 * self.low, self.high)
@@ -273,7 +316,9 @@ class Draw:
         if self.kind == "single":
             self.add(self.name or str(rng.choice(self.available())))
         elif self.kind == "double":
-            for name in rng.choice([x for x in FORCES if self.n > 1 or x != "missing_coupling"], 2, replace=False):
+            for name in rng.choice(
+                [x for x in FORCES if self.n > 1 or x != "missing_coupling"], 2, replace=False
+            ):
                 self.add(str(name))
         elif self.kind == "unknown":
             self.strength = (0.3, 0.7)
@@ -282,18 +327,43 @@ class Draw:
         snr, free = rng.uniform(15, 40), rng.random() < 0.3
         data, clean = [], []
         for u in self.us:
-            x0 = [rng.normal(size=self.n) * self.base[0].std(0), rng.normal(size=self.n) * self.base[1].std(0)] if free else [np.zeros(self.n)] * 2
+            x0 = (
+                [rng.normal(size=self.n) * self.base[0].std(0), rng.normal(size=self.n) * self.base[1].std(0)]
+                if free
+                else [np.zeros(self.n)] * 2
+            )
             Q, _ = self.run(u, self.small, True, x0)
             clean.append(Q)
             Y = Q + rng.normal(size=Q.shape) * np.nanstd(Q, axis=0) * 10 ** (-snr / 20)
             data.append((u, self.sense(Y)))
-        bad = any(not np.isfinite(y).all() for _, y in data) or np.abs(data[0][1]).max() > 50 * np.abs(self.base[0]).max()
+        bad = (
+            any(not np.isfinite(y).all() for _, y in data)
+            or np.abs(data[0][1]).max() > 50 * np.abs(self.base[0]).max()
+        )
         if not bad:
             bad = np.linalg.eigvalsh(self.nominal[2]).min() < 0.3 * np.linalg.eigvalsh(self.K).min()
-        self.truth.update(size=self.size, excitation=self.ex, hold=self.hold, snr_db=float(snr), kind=self.kind, bad=bool(bad))
-        self.truth["values"] = [[int(k), [float(x) for x in p]] for k, p in zip(self.kinds, self.P)] + [[a, int(b), float(c)] for a, b, c in self.path + self.sensor]
+        self.truth.update(
+            size=self.size,
+            excitation=self.ex,
+            hold=self.hold,
+            snr_db=float(snr),
+            kind=self.kind,
+            bad=bool(bad),
+        )
+        self.truth["values"] = [[int(k), [float(x) for x in p]] for k, p in zip(self.kinds, self.P)] + [
+            [a, int(b), float(c)] for a, b, c in self.path + self.sensor
+        ]
         self.clean = clean
-        return Trial(*self.nominal, self.L, self.h, self.hold, "free" if free else "at_rest", data[0], data[1], self.truth)
+        return Trial(
+            *self.nominal,
+            self.L,
+            self.h,
+            self.hold,
+            "free" if free else "at_rest",
+            data[0],
+            data[1],
+            self.truth,
+        )
 
     def available(self):
         return [x for x in (*FORCES, *ACTUATORS, *SENSORS) if self.n > 1 or x != "missing_coupling"]
@@ -305,7 +375,11 @@ class Draw:
         elif spread is None:
             spread = rng.choice([0.0, 0.02])
         for m, X in enumerate(self.nominal):
-            F = 1 + (rng.uniform(-spread, spread, X.shape) if self.kind == "parameters" else spread * (3 if m == 1 else 1) * rng.normal(size=X.shape))
+            F = 1 + (
+                rng.uniform(-spread, spread, X.shape)
+                if self.kind == "parameters"
+                else spread * (3 if m == 1 else 1) * rng.normal(size=X.shape)
+            )
             X *= np.tril(F) + np.tril(F, -1).T
         self.nominal[0] = np.diag(np.diag(self.nominal[0]))
 

@@ -129,7 +129,9 @@ def integrate(M, D, K, fine, h, small, is_held, kinds, places, P, q0, v0):
         for s in range(small):
             m = 2 * (k * small + s)
             t = k * h + s * d
-            w0, w1, w2 = (fine[m + 1], fine[m + 1], fine[m + 1]) if is_held else (fine[m], fine[m + 1], fine[m + 2])
+            w0, w1, w2 = (
+                (fine[m + 1], fine[m + 1], fine[m + 1]) if is_held else (fine[m], fine[m + 1], fine[m + 2])
+            )
             e = d / 2
             _rates(n, q, v, z, w0, t, inverse, D, K, kinds, places, P, a1, z1)
             _rates(n, q + e * v, v + e * a1, z + e * z1, w1, t + e, inverse, D, K, kinds, places, P, a2, z2)

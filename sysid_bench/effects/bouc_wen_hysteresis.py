@@ -25,6 +25,7 @@ class BoucWenHysteresis(Effect):
         "stiffness * z, dz/dx = 1 - (shape sign(v z) + 1 - shape) |z / yield_displacement|^exponent"
     )
     reveals: ClassVar[str] = "nested loops at several rates"
+    held: ClassVar[tuple[str, ...]] = ("exponent",)
     knobs: ClassVar[dict[str, Knob]] = {
         "stiffness": Knob("N/m", POSITIVE),
         "yield_displacement": Knob("m", POSITIVE),

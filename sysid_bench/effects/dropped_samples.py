@@ -18,6 +18,7 @@ class DroppedSamples(Effect):
     path: ClassVar[str] = "timing"
     equation: ClassVar[str] = "y_k = y_(k-1) at a share of the samples"
     reveals: ClassVar[str] = "time stamps from the sensor itself"
+    held: ClassVar[tuple[str, ...]] = ("share", "seed")
     knobs: ClassVar[dict[str, Knob]] = {
         "share": Knob("1", (0.0, 1.0)),
         "seed": Knob("1", NOT_NEGATIVE),

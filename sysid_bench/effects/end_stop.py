@@ -17,6 +17,7 @@ class EndStop(Effect):
     name: ClassVar[str] = "end_stop"
     equation: ClassVar[str] = "stiffness * (|x| - gap) * sign(x) + damping * v beyond the gap, never pulling"
     reveals: ClassVar[str] = "an amplitude that reaches the stop often, on both sides"
+    held: ClassVar[tuple[str, ...]] = ("side",)
     knobs: ClassVar[dict[str, Knob]] = {
         "stiffness": Knob("N/m", POSITIVE),
         "gap": Knob("m", POSITIVE),

@@ -18,6 +18,7 @@ class Quantisation(Effect):
     path: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "step * round(y / step)"
     reveals: ClassVar[str] = "a larger amplitude"
+    held: ClassVar[tuple[str, ...]] = ("step",)
     knobs: ClassVar[dict[str, Knob]] = {
         "step": Knob("m", POSITIVE),
     }

@@ -18,6 +18,7 @@ class SensorClipping(Effect):
     path: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "clip(y, -limit, limit)"
     reveals: ClassVar[str] = "a smaller amplitude"
+    held: ClassVar[tuple[str, ...]] = ("limit",)
     knobs: ClassVar[dict[str, Knob]] = {
         "limit": Knob("m", POSITIVE),
     }

@@ -23,6 +23,7 @@ class StructuralDamping(Effect):
     states: ClassVar[int] = 9
     equation: ClassVar[str] = "stiffness * H x, |Im H| = 1 from a hundredth to a hundred times `frequency`"
     reveals: ClassVar[str] = "two frequencies at equal amplitude"
+    held: ClassVar[tuple[str, ...]] = ("frequency",)
     knobs: ClassVar[dict[str, Knob]] = {
         "stiffness": Knob("N/m", POSITIVE),
         "frequency": Knob("Hz", POSITIVE),

@@ -18,6 +18,7 @@ class StuckSensor(Effect):
     path: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "y(start) from start to start + duration"
     reveals: ClassVar[str] = "the same record again"
+    held: ClassVar[tuple[str, ...]] = ("start", "duration")
     knobs: ClassVar[dict[str, Knob]] = {
         "start": Knob("s", NOT_NEGATIVE),
         "duration": Knob("s", NOT_NEGATIVE),

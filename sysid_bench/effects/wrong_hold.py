@@ -16,6 +16,7 @@ class WrongHold(Effect):
     path: ClassVar[str] = "actuator"
     equation: ClassVar[str] = "u runs as `hold` between samples"
     reveals: ClassVar[str] = "a band near the Nyquist frequency"
+    held: ClassVar[tuple[str, ...]] = ("hold",)
     knobs: ClassVar[dict[str, Knob]] = {
         "hold": Knob("zoh|foh|cubic|bandlimited"),
     }

@@ -335,8 +335,9 @@ def fit(
     nt, damping, prior = len(start.theta), 1e-4, problem.prior * prior_scale
     weight = max(1.0, rows @ rows / len(rows))
     cost = rows @ rows + weight * np.sum((point.theta / prior) ** 2)
-    H, J_now, steps = None, None, 0
-    for steps in range(1, iterations + 1):
+    H, steps = None, 0
+    while steps < iterations:
+        steps += 1
         J_now = jacobian(problem, point, runs, parameters)
         for k, (e, p) in enumerate(parameters):
             if is_log(point.effects[e], p):

@@ -97,6 +97,7 @@ class Effect:
     states: ClassVar[int] = 0
     equation: ClassVar[str] = ""
     reveals: ClassVar[str] = ""  # the excitation that shows it
+    held: ClassVar[tuple[str, ...]] = ()  # parameters that are chosen, never fitted
 
     dof: int | tuple[int, int] | None = 0
 
@@ -212,9 +213,11 @@ def _tapes(kind: type[Effect], layout: tuple[str, ...]):
     value = ca.Function("law", [symbols], [ca.densify(ca.vertcat(force, slopes, *following))])
     rows = ca.vertcat(force, *following)
     jacobian = ca.densify(ca.jacobian(rows, symbols))
-    return tape(value), tape(ca.Function("slopes", [symbols], [ca.reshape(jacobian.T, -1, 1)]))
+    slopes = ca.Function("slopes", [symbols], [ca.reshape(jacobian.T, -1, 1)])
+    alone = ca.Function("force", [symbols], [ca.densify(ca.vertcat(force, *following))])
+    return tape(value), tape(slopes), tape(alone)
 
 
 def law_tapes(effect: Effect):
-    """(law, slopes) of a force effect: outputs [f, df/dx, df/dv, z...] and the Jacobian of [f, z...], row by row."""
+    """Tapes of a force effect: [f, df/dx, df/dv, z...]; the Jacobian of [f, z...], row by row; [f, z...] alone."""
     return _tapes(type(effect), effect.numeric)

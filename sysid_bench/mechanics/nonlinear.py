@@ -141,8 +141,8 @@ class Laws:
 @lru_cache(maxsize=512)
 def _joined(kinds: tuple) -> tuple:
     pairs = [law_tapes(effect) for effect in kinds]
-    value, slopes = join([a for a, _ in pairs]), join([b for _, b in pairs])
-    return value[:3], slopes[:3], max(value[3], slopes[3]), max([b.outputs for _, b in pairs] + [4])
+    value, slopes = join([a for a, _, _ in pairs]), join([b for _, b, _ in pairs])
+    return value[:3], slopes[:3], max(value[3], slopes[3]), max([b.outputs for _, b, _ in pairs] + [4])
 
 
 def laws_of(forces: tuple[Effect, ...]) -> Laws:

@@ -136,6 +136,22 @@ def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
     return S
 
 
+@nb.njit(cache=True, error_model="numpy")
+def along(x, v, t0, h, operations, constants, p, z0, nwork, out):
+    """Force (N,) of one effect with states along a given motion x, v (N,) of its place; its tape gives [f, z...]."""
+    nz = len(z0)
+    given = np.zeros(HEAD + nz + len(p))
+    given[HEAD : HEAD + nz] = z0
+    given[HEAD + nz :] = p
+    work, result = np.zeros(nwork), np.zeros(1 + nz)
+    for k in range(len(x)):
+        before = x[k - 1] if k > 0 else x[0]
+        given[0], given[1], given[2], given[3], given[4] = x[k], v[k], t0 + k * h, h, before
+        play(operations, constants, 0, len(operations), given, work, result)
+        out[k] = result[0]
+        given[HEAD : HEAD + nz] = result[1:]
+
+
 @nb.njit(cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 def tangents(
     Ad,

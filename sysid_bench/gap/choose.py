@@ -1,0 +1,259 @@
+"""linear fit, catalogue -> the effects that are missing, one after the other, and what nearly won.
+
+Greedy: screen, fit the best few by free-run simulation jointly with M, D, K, keep the cheapest explanation; then
+look again. A second effect must earn its place; what became unnecessary is dropped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit
+from sysid_bench.gap.screen import Candidate, Screen, screen
+from sysid_bench.mechanics.effect import Effect
+
+DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How an effect earns its place.
+
+    most: effects looked for; finalists: suspects fitted by simulation; practical: share of the linear gap that
+    matters; second_share: share of what is left that a later effect must take; enough: rho at which nothing is left
+    """
+
+    most: int = 3
+    finalists: int = 7
+    practical: float = 0.03
+    second_share: float = 0.4
+    enough: float = 1.05
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A fit with one more effect, and what it costs: 2 rss + parameters ln R + what M, D, K moved."""
+
+    fit: Fit
+    candidate: Candidate
+    cost: float
+
+    @property
+    def effect(self) -> Effect:
+        return self.fit.point.effects[-1]
+
+    @property
+    def is_decoy(self) -> bool:
+        return self.effect.name in DECOY_NAMES
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look: the screen, the contenders (cheapest first), the fit before and the one chosen (None: nothing)."""
+
+    screen: Screen
+    contenders: list[Contender]
+    before: Fit
+    chosen: Contender | None
+
+
+@dataclass(eq=False)
+class Story:
+    """linear: the refit without effects; fit: where it ends; rounds: what was looked at on the way."""
+
+    linear: Fit
+    fit: Fit
+    rounds: list[Round] = field(default_factory=list)
+    unclear: bool = False
+
+
+def free_parameters(effects: tuple[Effect, ...]) -> tuple[tuple[int, int], ...]:
+    """(effect, parameter) pairs that a fit may move."""
+    return tuple(
+        (e, p) for e, x in enumerate(effects) for p, key in enumerate(x.numeric) if key not in x.held
+    )
+
+
+def price(problem: Problem, one: Fit) -> float:
+    """2 rss + parameters ln R + the squared step of theta: only a trusted nominal splits forces that are alike."""
+    R = len(one.rows)
+    moved = 0.09 * one.moved / 0.01  # in units of a tenth of each prior-weighted entry, weighed 0.3
+    count = sum(
+        1
+        for e, p in free_parameters(one.point.effects)
+        if one.point.effects[e].numeric[p] not in ("speed", "damping")
+    )
+    return 2 * one.rss + count * np.log(R) + 0.3 * moved
+
+
+def best_start(problem: Problem, effects: tuple[Effect, ...], thetas: list, starts) -> Point | None:
+    """The start whose free run lies nearest to the data."""
+    best = None
+    for theta in thetas:
+        point = Point(np.asarray(theta, dtype=float), effects, starts)
+        found = evaluate(problem, point)
+        if found is not None and (best is None or found[0] @ found[0] < best[0]):
+            best = (found[0] @ found[0], point)
+    return best[1] if best else None
+
+
+def refine(problem: Problem, base: Fit, candidate: Candidate, iterations: int = 12) -> Contender | None:
+    """Fit one more effect by free-run simulation, jointly with everything. None where it fails or ends inadmissible."""
+    effects = (*base.point.effects, candidate.effect)
+    thetas = [base.point.theta, candidate.theta, np.zeros_like(base.point.theta)]
+    start = best_start(problem, effects, thetas, base.point.starts)
+    found = fit(problem, start, free_parameters(effects), iterations) if start is not None else None
+    return Contender(found, candidate, price(problem, found)) if found is not None else None
+
+
+def shortlist(screened: Screen, most: int) -> list[Candidate]:
+    """Suspects worth a simulation: at least half of the best, two places per name, one of each at a place."""
+    out: list[Candidate] = []
+    if not screened.candidates:
+        return out
+    best = screened.candidates[0].explained
+    for c in screened.candidates:
+        if c.explained < max(0.5 * best, 15) or len(out) >= most:
+            break
+        family = "decoy" if c.decoy else c.effect.name
+        same = [x for x in out if ("decoy" if x.decoy else x.effect.name) == family]
+        if len(same) >= 2 or any(x.effect.name == c.effect.name and x.place == c.place for x in out):
+            continue
+        out.append(c)
+    return out + _relatives(screened, out)
+
+
+def _relatives(screened: Screen, chosen: list[Candidate]) -> list[Candidate]:
+    """Stribeck and presliding friction beside a suspected Coulomb friction: they differ only at low speed."""
+    out = []
+    for c in [x for x in chosen if x.effect.name == "coulomb_friction"][:1]:
+        for name in ("stribeck_friction", "presliding_friction"):
+            if any(x.effect.name == name and x.place == c.place for x in chosen):
+                continue
+            out += [x for x in screened.candidates if x.effect.name == name and x.place == c.place][:1]
+    return out
+
+
+def cheapest(contenders: list[Contender], linear_gap: float, rules: Rules) -> Contender | None:
+    """The lowest price; a simpler catalogue effect that is nearly as good wins over a decoy or a richer one."""
+    if not contenders:
+        return None
+    best = contenders[0]
+    margin = max(20.0, rules.practical * linear_gap)
+    count = len(free_parameters(best.fit.point.effects))
+    for other in contenders[1:]:
+        if other.cost - best.cost > margin:
+            break
+        simpler = len(free_parameters(other.fit.point.effects)) < count
+        if (best.is_decoy and not other.is_decoy) or (
+            simpler and not other.is_decoy and _subset(other.effect, best.effect)
+        ):
+            return other
+    return best
+
+
+def _subset(simple: Effect, rich: Effect) -> bool:
+    """True where the simple effect is the rich one with a parameter at its limit, at the same place."""
+    pairs = {
+        ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
+        ("coulomb_friction", "bouc_wen_hysteresis"), ("sensor_bias", "sensor_drift"),
+    }  # fmt: skip
+    return simple.dof == rich.dof and (simple.name, rich.name) in pairs
+
+
+def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
+    """One screen and its finalists."""
+    ground = _ground(problem, base)
+    screened = screen(problem, ground, catalogue)
+    R = len(base.rows)
+    if not screened.candidates or screened.candidates[0].explained < 30 + 4 * np.log(R):
+        return Round(screened, [], base, None)
+    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
+    contenders = []
+    for candidate in shortlist(screened, finalists):
+        one = refine(problem, base, candidate)
+        if one is not None:
+            contenders.append(one)
+            if one.fit.rho < 1.02 and not one.is_decoy and len(contenders) >= 3:
+                break
+    contenders.sort(key=lambda c: c.cost)
+    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules))
+
+
+def _ground(problem: Problem, base: Fit) -> Fit:
+    """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
+    if base.rho < 20 or np.max(np.abs(base.point.theta / problem.prior)) < 1.1:
+        return base
+    point = replace(base.point, theta=np.zeros_like(base.point.theta))
+    found = evaluate(problem, point)
+    return base if found is None else replace(base, point=point, rows=found[0], runs=found[1])
+
+
+def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, rules: Rules) -> bool:
+    """True where an effect takes enough of what is left."""
+    R = len(before.rows)
+    gain, left, linear_gap = before.rss - after.rss, before.rss - R, max(linear.rss - R, 1.0)
+    if gain < 25:
+        return False
+    if first:
+        return True
+    clean = after.rho < 1.3 and gain > 0.7 * left and gain > 5 * np.sqrt(2 * R)
+    return gain > rules.second_share * max(left, 0) and (gain > rules.practical * linear_gap or clean)
+
+
+def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: Rules | None = None) -> Story:
+    """The story of the missing effects. Pure: nothing but its arguments decides."""
+    rules = rules or Rules()
+    story = Story(linear, linear)
+    linear_gap = max(linear.rss - len(linear.rows), 1.0)
+    for k in range(rules.most):
+        if story.fit.rho < rules.enough and k > 0:
+            break
+        round_ = look(problem, story.fit, catalogue, rules, linear_gap)
+        chosen = round_.chosen
+        if chosen is not None and not earns(problem, story.fit, chosen.fit, linear, k == 0, rules):
+            chosen = None
+        story.rounds.append(replace(round_, chosen=chosen))
+        if chosen is None:
+            break
+        story.fit = chosen.fit
+        if chosen.is_decoy:
+            break
+        if k > 0:
+            story.fit = _reconsidered(problem, story.fit, catalogue, rules, linear_gap)
+            story.fit = _pruned(problem, story.fit, rules)
+    return story
+
+
+def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_gap: float) -> Fit:
+    """Name each earlier effect again, given the others."""
+    for k in range(len(now.point.effects) - 1):
+        effects = now.point.effects
+        rest = tuple(x for i, x in enumerate(effects) if i != k)
+        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
+        if without is None or without.rss - now.rss < 25:
+            continue
+        screened = screen(problem, without, catalogue)
+        best = price(problem, now)
+        for candidate in shortlist(screened, 4):
+            if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
+                continue
+            other = refine(problem, without, candidate, iterations=8)
+            if other is not None and other.cost < best - max(20, rules.practical * linear_gap):
+                now, best = other.fit, other.cost
+    return now
+
+
+def _pruned(problem: Problem, now: Fit, rules: Rules) -> Fit:
+    """Drop effects that the others have made unnecessary."""
+    for effect in now.point.effects:
+        if len(now.point.effects) < 2 or effect not in now.point.effects:
+            continue
+        rest = tuple(x for x in now.point.effects if x is not effect)
+        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
+        if without is not None and without.rss - now.rss < max(25, 0.3 * max(now.rss - len(now.rows), 0)):
+            now = without
+    return now

@@ -1,0 +1,37 @@
+"""problem -> the best linear fit: the nominal's own parameters, before any effect is suspected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_bench.gap.motion import seen
+from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit
+from sysid_bench.gap.screen import basis
+
+
+def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point | None:
+    """theta by regularised regression on the smoothed motion: reaches the valley that descent from afar misses."""
+    best = None
+    for _ in range(rounds):
+        found = evaluate(problem, point)
+        if found is None:
+            return best
+        seens = [seen(problem, point, *each) for each in zip(problem.traces, found[1], point.starts)]
+        b = basis(problem, point, seens, 1.0)
+        x = np.linalg.lstsq(b.R, b.Q.T @ b.target, rcond=1e-9)[0] / b.norms
+        theta = b.theta0 + x[b.offset : b.offset + len(point.theta)]
+        point = best = replace(point, theta=np.clip(np.nan_to_num(theta), -0.9, 2.0))
+    return best
+
+
+def linear_fit(problem: Problem) -> Fit | None:
+    """The better of two descents: from the nominal, and from a regression. None where neither can be simulated."""
+    first = fit(problem, problem.nominal(), iterations=15)
+    if first is not None and first.rho < 1.3:
+        return first
+    start = regression_start(problem, problem.nominal())
+    second = fit(problem, start, iterations=15) if start is not None else None
+    fits = [f for f in (first, second) if f is not None]
+    return min(fits, key=lambda f: f.rss + f.moved * max(1.0, f.rho)) if fits else None
