@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid_bench.gap.decoys import DECOYS
-from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit
+from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit, free_parameters
 from sysid_bench.gap.screen import Candidate, Screen, screen
 from sysid_bench.mechanics.effect import Effect
 
@@ -68,13 +68,6 @@ class Story:
     fit: Fit
     rounds: list[Round] = field(default_factory=list)
     unclear: bool = False
-
-
-def free_parameters(effects: tuple[Effect, ...]) -> tuple[tuple[int, int], ...]:
-    """(effect, parameter) pairs that a fit may move."""
-    return tuple(
-        (e, p) for e, x in enumerate(effects) for p, key in enumerate(x.numeric) if key not in x.held
-    )
 
 
 def price(problem: Problem, one: Fit) -> float:

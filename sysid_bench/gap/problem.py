@@ -14,7 +14,6 @@ from sysid_bench.mechanics.nonlinear import (
     Assembly,
     Trajectory,
     assemble,
-    effect_channels,
     sensor_channels,
     trajectory,
 )
@@ -101,7 +100,9 @@ class Problem:
 
     def nominal(self) -> Point:
         n = self.model.n
-        return Point(np.zeros(len(self.entries)), (), tuple(np.zeros(2 * n) for _ in self.traces))
+        return Point(
+            np.zeros(len(self.entries)), self.model.effects, tuple(np.zeros(2 * n) for _ in self.traces)
+        )
 
     def on(self, traces: tuple[Trace, ...]) -> Problem:
         """The same problem on other traces."""
@@ -315,6 +316,13 @@ def moved_point(problem: Problem, point: Point, parameters, step: Array) -> Poin
     return Point(point.theta + step[:nt], effects, tuple(x + s for x, s in zip(point.starts, tail)))
 
 
+def free_parameters(effects: tuple[Effect, ...]) -> tuple[tuple[int, int], ...]:
+    """(effect, parameter) pairs that a fit may move."""
+    return tuple(
+        (e, p) for e, x in enumerate(effects) for p, key in enumerate(x.numeric) if key not in x.held
+    )
+
+
 def fit(
     problem: Problem,
     start: Point,
@@ -378,6 +386,3 @@ def fit(
             covariance = None
     moved = float(np.sum((point.theta / problem.prior) ** 2))
     return Fit(point, rows, runs, moved, tuple(parameters), covariance, steps)
-
-
-__all__ = ["Fit", "Point", "Problem", "effect_channels", "evaluate", "fit", "problem_of", "run", "shown"]

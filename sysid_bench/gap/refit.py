@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_bench.gap.motion import seen
-from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit
+from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit, free_parameters
 from sysid_bench.gap.screen import basis
 
 
@@ -28,10 +28,11 @@ def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point |
 
 def linear_fit(problem: Problem) -> Fit | None:
     """The better of two descents: from the nominal, and from a regression. None where neither can be simulated."""
-    first = fit(problem, problem.nominal(), iterations=15)
+    known = free_parameters(problem.model.effects)
+    first = fit(problem, problem.nominal(), known, iterations=15)
     if first is not None and first.rho < 1.3:
         return first
     start = regression_start(problem, problem.nominal())
-    second = fit(problem, start, iterations=15) if start is not None else None
+    second = fit(problem, start, known, iterations=15) if start is not None else None
     fits = [f for f in (first, second) if f is not None]
     return min(fits, key=lambda f: f.rss + f.moved * max(1.0, f.rho)) if fits else None

@@ -34,6 +34,7 @@ class Candidate:
     coefficients: Array
     theta: Array
     decoy: bool
+    unit_energy: float = 0.0  # energy that its first unit form adds beyond M, D, K
 
     @property
     def place(self):

@@ -1,0 +1,105 @@
+"""train and test records, model file -> gap.json, model.yaml, prediction.csv, report.html, gap.rrd."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.effects import own_effect
+from sysid_bench.files import atomic_write, read_model, write_json, write_model
+from sysid_bench.files.provenance import provenance
+from sysid_bench.gap.choose import Rules
+from sysid_bench.gap.decide import Thresholds
+from sysid_bench.gap.show import gap_values
+from sysid_bench.gap.workflow import Answer, find_gap
+from sysid_bench.nouns import InputError, Record
+from sysid_bench.records import read_record
+
+
+def main(cfg: dict[str, Any]) -> int:
+    """0 whatever the verdict; InputError where records and model do not fit."""
+    begun = time.perf_counter()
+    out = Path(cfg["out"])
+    train_files, test_files = files(cfg["train"]), files(cfg["test"])
+    model = read_model(cfg["model"])
+    train, test = ([read_record(f) for f in group] for group in (train_files, test_files))
+    own = (own_effect(cfg["effects_path"]),) if cfg["effects_path"] else ()
+    rules = Rules(**cfg["rules"])
+    thresholds = Thresholds(
+        **{k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}
+    )
+
+    def tell(line: str) -> None:
+        print(f"[{time.perf_counter() - begun:6.2f} s] {line}", file=sys.stderr, flush=True)
+
+    answer = find_gap(train, test, model, own, rules, thresholds, tell, cfg["power"])
+    origin = provenance("gap", cfg, [*train_files, *test_files, cfg["model"]])
+    values = gap_values(answer, thresholds, origin)
+    write_results(out, answer, values, origin)
+    if cfg["views"]:
+        from sysid_bench.views.gap_report import write_gap_report
+
+        write_gap_report(out, answer, values)
+    if cfg["recording"]:
+        from sysid_bench.views.rerun_gap import write_gap_rrd
+
+        write_gap_rrd(out / "gap.rrd", answer, values)
+    print_answer(values, out)
+    return 0
+
+
+def files(value: Any) -> list[str]:
+    """File names of FILE[,FILE...] or a list. Raises InputError where there are none."""
+    names = list(value) if isinstance(value, (list, tuple)) else [x.strip() for x in str(value).split(",")]
+    names = [str(x) for x in names if str(x)]
+    if not names:
+        raise InputError("train= and test= want a record file each, or several separated by commas.")
+    return names
+
+
+def write_results(out: Path, answer: Answer, values: dict[str, Any], origin: dict[str, Any]) -> None:
+    """gap.json, model.yaml, prediction.csv (one per test record where there are several)."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_model(
+        replace(answer.better, sample_time_s=None),
+        out / "model.yaml",
+        {"verb": "gap", "inputs": origin.get("inputs", {})},
+    )
+    for i, proof in enumerate(answer.after):
+        name = "prediction.csv" if i == 0 else f"prediction_{i}.csv"
+        write_prediction(out / name, proof.record, proof.trace.t, proof.predicted)
+    write_json(out / "gap.json", values)
+
+
+def write_prediction(path: Path, record: Record, t, predicted) -> None:
+    """t, y1..yny: the free run, at the record's own sample times."""
+    if len(t) != record.N:
+        step = (t[-1] - t[0]) / (len(t) - 1)
+        predicted = predicted[np.rint((record.t - t[0]) / step).astype(int)]
+    header = ",".join(["t", *(f"y{c + 1}" for c in range(predicted.shape[1]))])
+    rows = np.column_stack([record.t, predicted]).tolist()
+    text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)]) + "\n"
+    with atomic_write(path) as file:
+        file.write(text.encode())
+
+
+def print_answer(values: dict[str, Any], out: Path) -> None:
+    """The answer in a few lines."""
+    print(f"{values['verdict']}: {values['reason']}")
+    for effect in values["effects"]:
+        sizes = ", ".join(
+            f"{key} {p['value']:.4g}" + (f" ± {2 * p['std']:.2g}" if "std" in p else "") + f" {p['unit']}"
+            if not isinstance(p["value"], str)
+            else f"{key} {p['value']}"
+            for key, p in effect["parameters"].items()
+        )
+        print(f"  {effect['name']} at {effect['dof']}: {sizes}")
+    print(
+        f"held-out gap {100 * values['gap_before']:.3g} % -> {100 * values['gap_after']:.3g} %"
+        f" (noise floor {100 * values['noise_floor']:.3g} %). {out / 'gap.json'}"
+    )

@@ -1,0 +1,166 @@
+"""records -> what is wrong with the data themselves: named before any physics is suspected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.nouns import Array, Record
+
+NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
+FEWEST_CLIPPED = 6
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of the data: name of the effect, output channel, parameters by name, what was seen."""
+
+    name: str
+    channel: int | None
+    parameters: Mapping[str, float]
+    evidence: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class DataCheck:
+    """faults, remarks for the report, lattice (ny,) step of each channel's values (0: none), bad (N,) per record."""
+
+    faults: list[Fault]
+    remarks: list[str]
+    lattice: Array
+    bad: list[np.ndarray] = field(default_factory=list)
+
+
+def check_data(records: list[Record]) -> DataCheck:
+    """Time stamps, flags, quantisation, clipping, stuck and dropped samples, saturated inputs."""
+    faults, remarks, ny = [], [], records[0].ny
+    lattice = np.array([lattice_step([r.y[_good(r), c] for r in records]) for c in range(ny)])
+    bad = [~_good(r) for r in records]
+    for c in range(ny):
+        faults += _channel(records, c, lattice[c])
+    faults += _stuck(records, lattice, bad) + _dropped(records, lattice, bad)
+    for i, r in enumerate(records):
+        remarks += _remarks(r, i)
+    return DataCheck(faults, remarks, lattice, bad)
+
+
+def _good(record: Record) -> np.ndarray:
+    return np.ones(record.N, dtype=bool) if record.quality is None else record.quality == 0
+
+
+def lattice_step(parts: list[Array]) -> float:
+    """Step of the lattice that nearly all values lie on; 0 where there are many different values."""
+    y = np.concatenate(parts)
+    values = np.unique(np.round(y, 12))
+    if len(values) > 0.3 * len(y) or len(values) < 3:
+        return 0.0
+    steps = np.diff(values)
+    steps = steps[steps > 1e-9 * np.ptp(y)]
+    if len(steps) == 0:
+        return 0.0
+    step = float(np.percentile(steps, 30))
+    for offset in (0.0, float(values[len(values) // 2])):
+        place = (y - offset) / step
+        if np.mean(np.abs(place - np.round(place)) < 0.02) > 0.98:
+            return step
+    return 0.0
+
+
+def _channel(records: list[Record], c: int, step: float) -> list[Fault]:
+    y = np.concatenate([r.y[_good(r), c] for r in records])
+    found, rms = [], float(np.std(y))
+    if step > NOTICEABLE_STEP * rms:
+        found.append(
+            Fault(
+                "quantisation",
+                c,
+                {"step": step},
+                {"distinct_values": len(np.unique(y)), "step_over_rms": step / rms},
+            )
+        )
+    limit, hits = _clip_limit(y, step)
+    if limit:
+        found.append(Fault("sensor_clipping", c, {"limit": limit}, {"samples_at_the_limit": hits}))
+    return found
+
+
+def _clip_limit(y: Array, step: float) -> tuple[float, int]:
+    """Largest |value| where far more samples sit exactly there than just below it; 0 where there is no limit."""
+    size = np.abs(y)
+    top = float(size.max())
+    hits = int(np.sum(size >= top * (1 - 1e-9)))
+    if hits < max(FEWEST_CLIPPED, 0.001 * len(y)):
+        return 0.0, 0
+    if step and hits < 4 * np.sum(np.abs(size - (top - step)) < 0.1 * step) + 4:
+        return 0.0, 0
+    both = min(np.sum(y >= top * (1 - 1e-9)), np.sum(y <= -top * (1 - 1e-9)))
+    if len(np.unique(y)) < 5:
+        return 0.0, 0
+    return (top, hits) if both or hits > 10 else (0.0, 0)
+
+
+def _runs(same: np.ndarray) -> list[tuple[int, int]]:
+    """(first, length) of the stretches where `same` is True."""
+    edges = np.diff(np.concatenate([[0], same.astype(int), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    return list(zip(starts.tolist(), (ends - starts).tolist()))
+
+
+def _stuck(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> list[Fault]:
+    """A long stretch of one value in a channel that otherwise never repeats."""
+    found = []
+    for i, r in enumerate(records):
+        for c in range(r.ny):
+            y = r.y[:, c]
+            same = (np.diff(y) == 0) & (np.abs(y[1:]) < np.abs(y).max() * (1 - 1e-9))
+            if lattice[c] > NOTICEABLE_STEP * np.std(y):
+                continue
+            long = [(k, m) for k, m in _runs(same) if m >= max(20, 0.002 * r.N)]
+            for k, m in long:
+                start = float(r.t[k] - r.t[0])
+                evidence = {"record": i, "first_sample": k, "samples": m + 1}
+                found.append(
+                    Fault(
+                        "stuck_sensor", c, {"start": start, "duration": float(r.t[k + m] - r.t[k])}, evidence
+                    )
+                )
+                bad[i][k + 1 : k + m + 1] = True
+    return found
+
+
+def _dropped(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> list[Fault]:
+    """Rows that repeat the row before in every channel, here and there."""
+    if np.any(lattice > 1e-6 * np.std(np.concatenate([r.y for r in records]), axis=0)):
+        return []
+    lost, total = 0, 0
+    for i, r in enumerate(records):
+        same = np.all(np.diff(r.y, axis=0) == 0, axis=1) & ~bad[i][1:]
+        same &= np.any(np.abs(r.y[1:]) < np.abs(r.y).max(axis=0) * (1 - 1e-9), axis=1)
+        lost, total = lost + int(same.sum()), total + r.N
+        if same.sum() >= 3:
+            bad[i][1:] |= same
+    if lost < max(3, 5e-4 * total):
+        return []
+    return [Fault("dropped_samples", None, {"share": lost / total}, {"repeated_rows": lost})]
+
+
+def _remarks(record: Record, i: int) -> list[str]:
+    remarks = []
+    flagged = int(np.count_nonzero(record.quality)) if record.quality is not None else 0
+    if flagged:
+        remarks.append(f"record {i}: {flagged} of {record.N} samples are flagged and left out")
+    if not record.is_uniform:
+        remarks.append(f"record {i}: the time stamps have holes; they are left out")
+    for c in range(record.nu):
+        u = record.u[:, c]
+        top, low = np.mean(u == u.max()), np.mean(u == u.min())
+        if len(np.unique(u)) > 20 and min(top, low) > 0.002:
+            share = 100 * (top + low)
+            remarks.append(
+                f"record {i}: input {c} sits at its extremes {u.min():g} and {u.max():g} for {share:.2g} % of the "
+                "samples: the drive is clipped as recorded"
+            )
+    return remarks

@@ -1,0 +1,115 @@
+"""story -> verdict: effect, parameters, none or unknown, with the reason in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid_bench.gap.choose import DECOY_NAMES, Story
+from sysid_bench.gap.problem import MATRICES, Fit, Problem
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """When a verdict is given.
+
+    left_rho, left_share: with effects found, more than this left (over the floor; of the linear gap) is `unknown`
+    bare_rho: with none found, more than this is `unknown`
+    moved_rho: the nominal's gap over the refit's from which `parameters` are wrong
+    moved: practical size of a relative change: mass, damping, stiffness; twice that off the diagonal
+    """
+
+    left_rho: float = 1.5
+    left_share: float = 0.03
+    bare_rho: float = 1.6
+    moved_rho: float = 1.3
+    moved: tuple[float, float, float] = (0.05, 0.12, 0.05)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """word: effect, parameters, none or unknown; reason: one sentence."""
+
+    word: str
+    reason: str
+
+
+def decide(
+    problem: Problem, story: Story, nominal_rho: float, faults: int, thresholds: Thresholds
+) -> Verdict:
+    """The verdict from the training records alone."""
+    now, base = story.fit, len(problem.model.effects)
+    found = now.point.effects[base:]
+    left = (now.rho - 1) / max(story.linear.rho - 1, 1e-9)
+    for effect in found:
+        if effect.name in DECOY_NAMES:
+            return Verdict(
+                "unknown",
+                f"{effect.name} at {place_words(effect.dof)} explains it best; no catalogue effect does",
+            )
+    if found and now.rho > thresholds.left_rho and left > thresholds.left_share:
+        names = ", ".join(e.name for e in found)
+        return Verdict(
+            "unknown", f"{names} leaves {100 * left:.0f} % of the gap, {now.rho:.1f} times the noise floor"
+        )
+    if found or faults:
+        return Verdict(
+            "effect", f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
+        )
+    if now.rho > thresholds.bare_rho:
+        return Verdict(
+            "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"
+        )
+    if nominal_rho > thresholds.moved_rho * max(now.rho, 1) and practical_moves(problem, now, thresholds):
+        return Verdict(
+            "parameters",
+            f"other parameters close the gap from {nominal_rho:.3g} to {now.rho:.3g} times the noise floor",
+        )
+    return Verdict(
+        "none",
+        f"the model leaves {now.rho:.3g} times the noise floor: nothing is missing that these records can show",
+    )
+
+
+def place_words(dof) -> str:
+    """DOF 0, or DOFs 0 and 1."""
+    return f"DOFs {dof[0]} and {dof[1]}" if isinstance(dof, tuple) else f"DOF {dof}"
+
+
+def moves(problem: Problem, fit: Fit) -> list[dict]:
+    """Every entry that the fit moved: which, from, to, standard error."""
+    std = np.full(len(problem.entries), np.nan)
+    if fit.covariance is not None:
+        std = np.sqrt(np.maximum(np.diag(fit.covariance)[: len(std)], 0)) * problem.scale
+    now = problem.matrices(fit.point.theta)
+    out = []
+    for k, (m, i, j) in enumerate(problem.entries):
+        before = float(getattr(problem.model, MATRICES[m])[i, j])
+        after = float(now[m][i, j])
+        change = fit.point.theta[k]
+        out.append(
+            {
+                "matrix": MATRICES[m],
+                "row": i,
+                "column": j,
+                "from": before,
+                "to": after,
+                "std": float(std[k]),
+                "relative": float(change * problem.scale[k] / abs(before)) if before else None,
+                "significance": float(abs(after - before) / std[k]) if std[k] > 0 else None,
+            }
+        )
+    return out
+
+
+def practical_moves(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[int]:
+    """Numbers of the entries that moved by more than a practical size and four standard errors."""
+    kept = []
+    for k, move in enumerate(moves(problem, fit)):
+        m, i, j = problem.entries[k]
+        size = thresholds.moved[m] * (1.0 if i == j else 1.6)
+        certain = move["significance"] is None or move["significance"] > 4
+        if abs(fit.point.theta[k]) > size and certain:
+            kept.append(k)
+    return kept

@@ -1,0 +1,180 @@
+"""train records, test records, model -> the answer: check, refit, locate, name, add, prove."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.effects import effect_class, names
+from sysid_bench.gap.check_data import DataCheck, check_data
+from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose
+from sysid_bench.gap.decide import Thresholds, Verdict, decide
+from sysid_bench.gap.problem import Fit, Problem, evaluate, problem_of
+from sysid_bench.gap.prove import Proof, prove
+from sysid_bench.gap.refit import linear_fit
+from sysid_bench.gap.screen import Screen, screen
+from sysid_bench.gap.traces import Trace, band_end, banded, noise_floor, trace_of
+from sysid_bench.mechanics.effect import Effect
+from sysid_bench.nouns import Array, InputError, Model, Record
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """All that the workflow found. better: the model to go on with; added: its new effects, data faults included."""
+
+    verdict: Verdict
+    problem: Problem
+    check: DataCheck
+    story: Story
+    better: Model
+    added: tuple[Effect, ...]
+    nominal_rho: float
+    before: list[Proof]
+    after: list[Proof]
+    noise: Array
+    last_screen: Screen | None = None
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def gap_before(self) -> float:
+        return float(np.sqrt(np.mean([p.gap**2 for p in self.before])))
+
+    @property
+    def gap_after(self) -> float:
+        return float(np.sqrt(np.mean([p.gap**2 for p in self.after])))
+
+    @property
+    def floor(self) -> float:
+        """The noise floor on the test records, in the unit of the gap."""
+        shares = [np.mean(self.noise / np.maximum(np.mean(p.trace.y**2, axis=0), 1e-300)) for p in self.after]
+        return float(np.sqrt(np.mean(shares)))
+
+
+def find_gap(
+    train: list[Record],
+    test: list[Record],
+    model: Model,
+    own: tuple[type[Effect], ...] = (),
+    rules: Rules | None = None,
+    thresholds: Thresholds | None = None,
+    tell: Callable[[str], Any] = lambda line: None,
+    power: bool = True,
+) -> Answer:
+    """Name what is missing in a model, from the train records; prove it on the test records, which choose nothing.
+
+    own: effect classes of the user's, tried beside the catalogue. Raises InputError where records and model do not fit.
+    """
+    rules, thresholds = rules or Rules(), thresholds or Thresholds()
+    if not model.has_values:
+        raise InputError("the gap workflow needs a model with mass, damping and stiffness values.")
+    check = check_data(train)
+    for remark in check.remarks:
+        tell(remark)
+    model, faults = with_faults(model, check)
+    problem, nominal_rho = prepared(train, model, check)
+    tell(f"the model as given leaves {nominal_rho:.4g} times the noise floor")
+    linear = linear_fit(problem)
+    if linear is None:
+        raise InputError("the model cannot be simulated on these records: its motion leaves every bound.")
+    tell(f"other M, D, K leave {linear.rho:.4g} times")
+    catalogue = [effect_class(name) for name in names()] + list(own)
+    story = choose(problem, linear, catalogue, rules)
+    verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
+    for effect in story.fit.point.effects[len(model.effects) :]:
+        tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
+    better, added = better_model(problem, story, verdict, faults)
+    last = _final_screen(problem, story, catalogue) if power else None
+    before = [
+        prove(replace(model, effects=model.effects[: len(model.effects) - len(faults)]), r) for r in test
+    ]
+    after = [prove(better, r) for r in test]
+    floor = np.mean([1 / t.weight**2 * 2 / (t.N * np.mean(t.good)) for t in problem.traces], axis=0)
+    return Answer(verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last)
+
+
+def with_faults(model: Model, check: DataCheck) -> tuple[Model, tuple[Effect, ...]]:
+    """The model with the faults of the data as effects of its sensors, and these effects."""
+    made = []
+    for fault in check.faults:
+        dof = None
+        if fault.channel is not None:
+            dof = int(np.argmax(np.abs(model.output_map[fault.channel])))
+        made.append(effect_class(fault.name)(dof=dof, **fault.parameters))
+    shown = [e for e in made if e.name == "sensor_clipping"]  # the others change no prediction worth having
+    rest = [e for e in made if e.name != "sensor_clipping"]
+    return replace(model, effects=(*model.effects, *shown)), tuple(shown + rest)
+
+
+def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Problem, float]:
+    """The problem, its noise floor and band set, and how far the nominal is from the floor."""
+    traces = []
+    for record, bad in zip(records, check.bad):
+        flagged = replace(
+            record,
+            quality=np.where(
+                bad, np.maximum(record.quality if record.quality is not None else 0, 1), 0
+            ).astype(np.uint8),
+        )
+        traces.append(trace_of(flagged, model))
+    traces = tuple(traces)
+    problem = problem_of(model, traces)
+    omega = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.mass, model.stiffness)))).max()
+    variance = _floor(problem, check.lattice)
+    end = max(band_end(t, variance, max(omega, 1e-3 / t.h)) for t in traces)
+    traces = tuple(banded(t, variance, end) for t in traces)
+    problem = problem.on(traces)
+    found = evaluate(problem, problem.nominal())
+    return problem, float(found[0] @ found[0] / len(found[0])) if found is not None else np.inf
+
+
+def _floor(problem: Problem, lattice: Array) -> Array:
+    """(ny,) noise variance over all traces: the smaller of what the nominal leaves and what y itself shows on high."""
+    from sysid_bench.gap.problem import run, shown
+
+    point = problem.nominal()
+    model = problem.at(point.theta, point.effects)
+    parts = []
+    for trace, x0 in zip(problem.traces, point.starts):
+        own = noise_floor(trace, trace.y, lattice)
+        y = shown(problem, trace, run(problem, trace, model, x0))
+        parts.append(
+            np.minimum(own, noise_floor(trace, trace.y - y, lattice)) if np.isfinite(y).all() else own
+        )
+    return np.mean(parts, axis=0)
+
+
+def better_model(
+    problem: Problem, story: Story, verdict: Verdict, faults
+) -> tuple[Model, tuple[Effect, ...]]:
+    """The model to go on with. `none` keeps the model as given; `unknown` keeps the best description, labelled so."""
+    given = problem.model
+    base = len(given.effects)
+    if verdict.word == "none":
+        return given, tuple(faults)
+    fit: Fit = story.fit
+    effects = list(fit.point.effects)
+    if any(e.name in DECOY_NAMES for e in effects):
+        fit = story.linear
+        effects = list(fit.point.effects)
+    M, D, K = problem.matrices(fit.point.theta)
+    hold = given.hold
+    for e in effects:
+        if e.name == "wrong_hold":
+            hold = e.hold
+    kept = tuple(e for e in effects if e.name != "wrong_hold")
+    better = replace(given, mass=M, damping=D, stiffness=K, effects=kept, hold=hold)
+    new = tuple(effects[base:])
+    return better, (*new, *faults)
+
+
+def _final_screen(problem: Problem, story: Story, catalogue) -> Screen | None:
+    """One more look, to say what would have been seen: power."""
+    if story.rounds and story.rounds[-1].chosen is None:
+        return story.rounds[-1].screen
+    return screen(problem, story.fit, catalogue)
+
+
+__all__ = ["Answer", "Trace", "find_gap"]
