@@ -8,8 +8,36 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from engine import *  # noqa: F403
-from engine import fine_input, first_order, integrate, slow
+from engine import (
+    BOUC_WEN,
+    CONSTANT,
+    COULOMB,
+    CUBIC,
+    CUBIC_DAMPING,
+    DAHL,
+    DRAG,
+    EXPONENTIAL,
+    GAP,
+    LOCAL_DAMPING,
+    PLAY,
+    PRODUCT,
+    RIPPLE,
+    ROOT_SPEED,
+    SINE_SPEED,
+    SLOPE,
+    SQUARE,
+    SQUARE_SPEED,
+    STOP,
+    STRIBECK,
+    SWING,
+    TIMED_DAMPING,
+    TONE,
+    VAN_DER_POL,
+    fine_input,
+    first_order,
+    integrate,
+    slow,
+)  # fmt: skip
 
 K8 = [
     [27071.1, 0, 0, 0, -10000, 0, -3535.5, -3535.5], [0, 17071.1, 0, -10000, 0, 0, -3535.5, -3535.5],
