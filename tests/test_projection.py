@@ -40,6 +40,14 @@ def test_too_few_sensors_and_wrong_orders_are_declined():
         project(modes(A, B, C[:2]), Model(n=3, output_map=np.eye(3)[:2]), "modal")
 
 
+def test_more_sensors_and_forces_than_degrees_of_freedom():
+    L, C = np.hstack([FORCES, np.ones((3, 1))]), np.vstack([SENSORS, np.ones((1, 3))])
+    A, B, Cx, _ = state_space(*ident.UNEVEN, L, C)
+    for projection in ("direct", "modal"):
+        found = project(modes(A, B, Cx), Model(n=3, input_map=L, output_map=C), projection)
+        assert all(np.allclose(X, Y, rtol=1e-9, atol=1e-10) for X, Y in zip(found, ident.UNEVEN))
+
+
 @pytest.mark.parametrize("h", [1e-3, 0.1, 1.0])
 def test_d2c_undoes_the_zero_order_hold(h):
     A, B, C, _ = state_space(*ident.UNEVEN)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_bench.mechanics.conversion import Modes
+from sysid_bench.mechanics.projection import mass_from, read_back
 from sysid_bench.nouns import Array, Diverged, Model, NotApplicable
 
 Matrices = tuple[Array, Array, Array]
@@ -47,22 +48,21 @@ def midpoint_start(form: Modes, model: Model, h: float, *, printed: bool = False
     """M, D, K through (4.15) from a discrete zero-order-hold modal form (p, c, b) of displacements.
 
     The printed J = B1 + B2 lacks 1/h: the gain of f_d is h, so J = (B1 + B2) / h. Raises NotApplicable without
-    as many independent forces and displacement sensors as degrees of freedom, Diverged at a singular matrix.
+    at least as many independent forces and displacement sensors as degrees of freedom, Diverged at a singular matrix.
     """
     n, (p, c, b) = model.n, form
-    square = model.nu == model.ny == n and model.output == "displacement" and len(p) == 2 * n
-    if not square or min(map(np.linalg.matrix_rank, (model.input_map, model.output_map))) < n:
+    if model.output != "displacement" or len(p) != 2 * n:
         raise NotApplicable(
-            f"the n4sid start (4.15) needs {n} independent forces and {n} displacement sensors; "
-            "use start=nominal with a model that has values."
+            f"the n4sid start (4.15) is for displacements and order {2 * n}; use start=nominal with a model that "
+            "has values."
         )
-    c = np.linalg.solve(model.output_map, c)
+    c = read_back(model, c)
     try:
         companion = np.linalg.solve(np.vstack([c, c * p]).T, (c * p**2).T).T.real
         F21, F22 = companion[:, :n], companion[:, n:]
         B1, CAB = (c @ b).real, ((c * p) @ b).real
         J = (B1 + CAB - F22 @ B1) / (1 if printed else h)
-        Md = model.input_map @ np.linalg.inv(J)
+        Md = mass_from(model, J)
     except np.linalg.LinAlgError:
         raise Diverged("the n4sid start (4.15) met a singular matrix.") from None
     found = (Md, -Md @ F22, -Md @ F21)

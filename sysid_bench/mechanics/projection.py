@@ -19,10 +19,10 @@ Matrices = tuple[Array, Array, Array]
 def project(form: Modes, model: Model, projection: str) -> Matrices:
     """M, D, K (n, n) symmetric from a continuous modal form with 2n poles; the model says only L, C and the output.
 
-    direct: M = (C A B)^-1, [K D] from C A^2 [C; C A]^-1, symmetrised; wants as many independent forces as DOFs.
+    direct: M = (C A B)^-1, [K D] from C A^2 [C; C A]^-1, symmetrised; wants at least as many independent forces as DOFs.
     modal: complex mode shapes scaled from the residues, M = (Phi Lam Phi^T)^-1, K = -(Phi Lam^-1 Phi^T)^-1,
     D = -M Phi Lam^2 Phi^T M (De Angelis, Lus, Betti, Longman, J. Appl. Mech. 69, 2002); wants one force at least.
-    Both want as many independent sensors as DOFs. Raises NotApplicable, or Diverged where a matrix is singular.
+    Both want at least as many independent sensors as DOFs. Raises NotApplicable, or Diverged where a matrix is singular.
     """
     lam, c, b = form
     n = model.n
@@ -30,9 +30,7 @@ def project(form: Modes, model: Model, projection: str) -> Matrices:
         raise NotApplicable(
             f"M, D, K of {n} degrees of freedom need order {2 * n}; the model has {len(lam)}."
         )
-    if model.ny != n or np.linalg.matrix_rank(model.output_map) < n:
-        raise NotApplicable(f"the projection needs {n} independent sensors; output_map has {model.ny} rows.")
-    shapes = np.linalg.solve(model.output_map, c) / lam ** INTEGRATIONS[model.output]
+    shapes = read_back(model, c) / lam ** INTEGRATIONS[model.output]
     try:
         found = _direct(lam, shapes, b, model) if projection == "direct" else _modal(lam, shapes, b, model)
     except np.linalg.LinAlgError:
@@ -42,19 +40,32 @@ def project(form: Modes, model: Model, projection: str) -> Matrices:
     return found
 
 
+def read_back(model: Model, c: np.ndarray) -> np.ndarray:
+    """Shapes at the degrees of freedom (n, k) from shapes at the sensors c (ny, k); least squares for ny > n."""
+    if np.linalg.matrix_rank(model.output_map) < model.n:
+        raise NotApplicable(
+            f"M, D, K need {model.n} independent sensors; output_map has rank {np.linalg.matrix_rank(model.output_map)}."
+        )
+    return np.linalg.pinv(model.output_map) @ c
+
+
+def mass_from(model: Model, inertance: Array) -> Array:
+    """M (n, n) from M^-1 L (n, nu), not yet symmetric; least squares for nu > n."""
+    if np.linalg.matrix_rank(model.input_map) < model.n:
+        raise NotApplicable(
+            f"this needs {model.n} independent forces; input_map has rank {np.linalg.matrix_rank(model.input_map)} "
+            "(n4sid with projection=modal takes fewer)."
+        )
+    return np.linalg.inv(inertance @ np.linalg.pinv(model.input_map))
+
+
 def _symmetric(X: np.ndarray) -> Array:
     return (X + X.T).real / 2
 
 
 def _direct(lam: np.ndarray, shapes: np.ndarray, b: np.ndarray, model: Model) -> Matrices:
     n = model.n
-    if model.nu != n or np.linalg.matrix_rank(model.input_map) < n:
-        raise NotApplicable(
-            f"the direct projection needs {n} independent forces; input_map has {model.nu} columns "
-            "(projection=modal takes fewer)."
-        )
-    inertance = ((shapes * lam) @ b).real  # C A B = M^-1 L
-    M = model.input_map @ np.linalg.inv(inertance)
+    M = mass_from(model, ((shapes * lam) @ b).real)  # C A B = M^-1 L
     observability = np.vstack([shapes, shapes * lam])
     KD = -M @ np.linalg.solve(observability.T, (shapes * lam**2).T).T
     return _symmetric(M), _symmetric(KD[:, n:]), _symmetric(KD[:, :n])
