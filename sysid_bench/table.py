@@ -89,11 +89,19 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
 
 
 def groups_of(table: Mapping[str, np.ndarray], by: Sequence[str]) -> list[tuple[dict[str, Any], np.ndarray]]:
-    """(label values, row indices) per distinct combination of the columns `by`, in order of appearance."""
+    """(label values, row indices) per distinct combination of the columns `by`, in order of appearance.
+
+    A number that is missing (NaN: a knob that the row's option does not have) is the value None.
+    """
     found: dict[tuple[Any, ...], list[int]] = {}
     for k, values in enumerate(zip(*(table[name] for name in by))):
-        found.setdefault(tuple(v.item() if isinstance(v, np.generic) else v for v in values), []).append(k)
+        found.setdefault(tuple(_label(v) for v in values), []).append(k)
     return [(dict(zip(by, values)), np.array(rows)) for values, rows in found.items()]
+
+
+def _label(value: Any) -> Any:
+    value = value.item() if isinstance(value, np.generic) else value
+    return None if value != value else value  # NaN is unequal to itself, and would make a group of every row
 
 
 def axes_of(table: Mapping[str, np.ndarray], axes: Iterable[str]) -> list[str]:

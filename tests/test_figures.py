@@ -134,3 +134,13 @@ def test_long_labels_break_into_like_lines_but_not_inside_mathematics():
     assert wrapped("relative error of M") == "relative error of M"
     assert wrapped("relative error of c (absolute for c = 0)") == "relative error of c\n(absolute for c = 0)"
     assert "$G + G^H$" in wrapped("smallest eigenvalue of the Hermitian part $G + G^H$, relative")
+
+
+def test_rows_without_the_knob_on_the_x_axis_are_not_drawn():
+    columns = {
+        "x": np.array([1.0, np.nan, 1.0]),
+        "y": np.array([1.0, 7.0, 3.0]),
+        "status": np.array(["ok"] * 3, object),
+    }
+    data = curve(columns, "x", "y", np.ones(3, bool))
+    assert list(data.x) == [1.0] and list(data.median) == [2.0]

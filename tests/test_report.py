@@ -1,6 +1,7 @@
 """report.html says what the table holds, alone in one file."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,3 +76,17 @@ def test_the_index_links_every_study(study):
     coefficient_study(study.folder.parent / "folder" / "coefficients")
     page = write_index_page(study.folder.parent).read_text()
     assert 'href="synthetic/report.html"' in page and 'href="folder/coefficients/report.html"' in page
+
+
+def test_a_knob_that_only_some_methods_have_splits_no_group(study, tmp_path):
+    blocks = np.where(study.columns["method"] == "n4sid_d2c", 0.0, np.nan)
+    config = {**study.config, "axes": {**study.config["axes"], "method.blocks": [0]}}
+    manifest = {**study.manifest, "config": config}
+    other = replace(study, manifest=manifest, columns={**study.columns, "method.blocks": blocks})
+    groups = summarise(other)
+    assert len(groups) == 27 and all(g.runs == 12 for g in groups)
+    assert {g.values for g in groups if g.values[1] == 0.01} == {
+        ("n4sid_d2c", 0.01, 0.0), ("variational_pem", 0.01, None), ("structured_ml", 0.01, None),
+    }  # fmt: skip
+    page = write_report(replace(other, folder=tmp_path), []).read_text()
+    assert ">nan<" not in page and "method.blocks=nan" not in page

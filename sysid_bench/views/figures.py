@@ -11,7 +11,7 @@ import numpy as np
 from sysid_bench.views.panel import BOUND, draw_panel, label_of, series_values
 from sysid_bench.views.spec import Figure, axis_label, study_figures
 from sysid_bench.views.strip import draw_failures
-from sysid_bench.views.study import Study, failed, where
+from sysid_bench.views.study import Study, failed, has_value, where
 from sysid_bench.views.style import publication, save
 
 
@@ -108,5 +108,5 @@ def run_counts(study: Study, spec: Figure, mask: np.ndarray) -> list[int]:
     keys = (
         [spec.x] + ([spec.series] if spec.series else []) + sorted({k for p in spec.panels for k in p.where})
     )
-    applies = mask & (study.columns["status"] != "not_applicable")
+    applies = mask & (study.columns["status"] != "not_applicable") & has_value(study.columns, spec.x)
     return list(Counter(zip(*(study.columns[k][applies] for k in keys))).values()) or [0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid_bench.views.panel import positions
 from sysid_bench.views.spec import Figure
-from sysid_bench.views.study import Study, failed
+from sysid_bench.views.study import Study, failed, has_value
 from sysid_bench.views.style import look
 
 
@@ -29,7 +29,7 @@ def draw_failures(axis: Any, study: Study, spec: Figure, mask: np.ndarray, serie
 
 def failure_share(study: Study, x: str, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """x (nx,) and the share (nx,) of the rows there that failed, of those where the method applies."""
-    applies = rows & (study.columns["status"] != "not_applicable")
+    applies = rows & (study.columns["status"] != "not_applicable") & has_value(study.columns, x)
     xs, bad = study.columns[x][applies], failed(study.columns)[applies]
     places = sorted(set(xs))
     return np.array(places), np.array([bad[xs == p].mean() for p in places])

@@ -67,7 +67,14 @@ def read_study(folder: str | Path) -> Study:
                 f"{folder} is no finished study: {name} is missing. Give a folder that `sysid-bench sweep` wrote."
             )
     manifest = json.loads((folder / "manifest.json").read_text())
-    return Study(folder, manifest, read_table(folder / "table.parquet"))
+    table = read_table(folder / "table.parquet")
+    return Study(folder, manifest, {name: _filled(column) for name, column in table.items()})
+
+
+def _filled(column: np.ndarray) -> np.ndarray:
+    """Missing words are empty ones."""
+    words = column.dtype.kind == "O"
+    return np.array(["" if v is None else v for v in column], dtype=object) if words else column
 
 
 def where(columns: Columns, wanted: Mapping[str, Any]) -> np.ndarray:
@@ -102,6 +109,12 @@ def numbers_of(columns: Columns, name: str) -> np.ndarray:
     return column
 
 
+def has_value(columns: Columns, name: str) -> np.ndarray:
+    """(rows,) bool: False where the row's option does not have this knob."""
+    column = column_of(columns, name)
+    return np.isfinite(column) if column.dtype.kind in "fiu" else column != ""
+
+
 def failed(columns: Columns) -> np.ndarray:
     """(rows,) bool: no estimate although the method applies (diverged, timeout, error)."""
     return ~np.isin(columns["status"], ("ok", "not_applicable"))
@@ -125,7 +138,7 @@ class Curve:
 
 def curve(columns: Columns, x: str, y: str, rows: np.ndarray) -> Curve:
     """Medians and 10-90 % quantiles of column y at each value of column x, over the rows (bool mask)."""
-    applies = rows & (columns["status"] != "not_applicable")
+    applies = rows & (columns["status"] != "not_applicable") & has_value(columns, x)
     xs, ys = column_of(columns, x)[applies], numbers_of(columns, y)[applies]
     good = (columns["status"][applies] == "ok") & np.isfinite(ys)
     places = sorted(set(xs))

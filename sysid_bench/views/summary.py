@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.table import groups_of
 from sysid_bench.views.study import OPTIONS, Study, failed
 
 ERRORS = ("M_error", "D_error", "K_error", "A_error", "pole_error")
@@ -72,11 +73,13 @@ def summarise(study: Study) -> list[Group]:
     axes, measured = study.axes or ("method",), measured_columns(study)
     axes = tuple(a for a in axes if a in study.columns)
     ranks = [{value: i for i, value in enumerate(study.order(a))} for a in axes]
-    index: dict[tuple, list[int]] = {}
-    for i, values in enumerate(zip(*(study.columns[a] for a in axes)) if axes else [()] * study.rows):
-        index.setdefault(values, []).append(i)
-    keys = sorted(index, key=lambda values: [rank.get(v, -1) for v, rank in zip(values, ranks)])
-    return [_group(study, values, np.array(index[values]), measured) for values in keys]
+    found = (
+        [(tuple(labels.values()), rows) for labels, rows in groups_of(study.columns, axes)]
+        if axes
+        else [((), np.arange(study.rows))]
+    )
+    found.sort(key=lambda group: [rank.get(v, -1) for v, rank in zip(group[0], ranks)])
+    return [_group(study, values, rows, measured) for values, rows in found]
 
 
 def _group(study: Study, values: tuple, rows: np.ndarray, measured: Sequence[str]) -> Group:
@@ -128,10 +131,16 @@ def _short(reason: str) -> str:
 
 def cell_words(study: Study, row: int) -> str:
     """One row by its axes: `plant=three_dof sampling.h_s=0.1 repetition=3`."""
-    keys = [k for k in (*study.axes, "repetition") if k in study.columns]
+    keys = [
+        k
+        for k in (*study.axes, "repetition")
+        if k in study.columns and study.columns[k][row] == study.columns[k][row]
+    ]
     return " ".join(f"{k}={plain(study.columns[k][row])}" for k in keys)
 
 
 def plain(value: Any) -> str:
     """A table value in few characters: 0.00512, three_dof, 12."""
+    if value is None or value != value:
+        return "-"
     return f"{value:.4g}" if isinstance(value, float | np.floating) else str(value)
