@@ -59,6 +59,15 @@ def test_failures_are_counted_by_reason_with_an_example(study, page):
     assert found[0][5] in page
 
 
+def test_reasons_that_differ_in_numbers_alone_are_counted_together(study):
+    reasons = np.array(
+        [f"no minimum after {40 + i} iterations (decrement {i}e-3)" for i in range(study.rows)], object
+    )
+    found = failures(replace(study, columns={**study.columns, "reason": reasons}))
+    assert len(found) == 2 and sum(f[3] for f in found) == np.count_nonzero(study.columns["status"] != "ok")
+    assert found[0][2] in reasons
+
+
 def test_words_from_a_table_cannot_become_markup(tmp_path):
     folder = sweep_study(tmp_path / "s", repetitions=2)
     (folder / "manifest.json").write_text(
@@ -80,7 +89,7 @@ def test_the_index_links_every_study(study):
 
 def test_a_knob_that_only_some_methods_have_splits_no_group(study, tmp_path):
     blocks = np.where(study.columns["method"] == "n4sid_d2c", 0.0, np.nan)
-    config = {**study.config, "axes": {**study.config["axes"], "method.blocks": [0]}}
+    config = {**study.config, "axes": {**study.config["axes"], "method.blocks": [0, 8]}}
     manifest = {**study.manifest, "config": config}
     other = replace(study, manifest=manifest, columns={**study.columns, "method.blocks": blocks})
     groups = summarise(other)

@@ -40,11 +40,11 @@ class Study:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Columns that tell cells apart: what the study sweeps, and option columns with several values."""
+        """Columns that tell cells apart: what the study sweeps, and options and knobs with several values."""
         swept = [key for key in self.config.get("axes") or {} if key in self.columns]
         cased = [key for case in self.config.get("cases") or [] for key in case if key in self.columns]
-        varied = [key for key in OPTIONS if key in self.columns and len(set(self.columns[key])) > 1]
-        return tuple(dict.fromkeys([*varied, *cased, *swept]))
+        named = [key for key in dict.fromkeys([*OPTIONS, *cased, *swept]) if key in self.columns]
+        return tuple(key for key in named if len(self.order(key)) > 1 or key in swept)
 
     def order(self, column: str) -> list[Any]:
         """Values of one column: in the order of the study's axes where it says one, else numbers rising,

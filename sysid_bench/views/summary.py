@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from sysid_bench.table import groups_of
 from sysid_bench.views.study import OPTIONS, Study, failed
 
 ERRORS = ("M_error", "D_error", "K_error", "A_error", "pole_error")
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 NO_NUMBERS = (
     "repetition",
     "seed",
@@ -110,17 +112,26 @@ def _rms(values: np.ndarray) -> float:
 
 def failures(study: Study) -> list[tuple[str, str, str, int, float, str]]:
     """Rows without an estimate, most frequent first: method, status, reason, count, share of the method's
-    runs, one example (the axes' values of its first row)."""
+    runs, one example (the axes' values of its first row). Reasons that differ in numbers alone are one."""
     who = study.columns.get("method", study.columns.get("analysis", np.full(study.rows, "", dtype=object)))
-    bad = np.flatnonzero(study.columns["status"] != "ok")
-    kinds = [
-        (str(who[i]), str(study.columns["status"][i]), _short(str(study.columns["reason"][i]))) for i in bad
-    ]
-    first = {kind: i for kind, i in reversed(list(zip(kinds, bad)))}
+    found: dict[tuple[str, str, str], list[int]] = {}
+    for i in np.flatnonzero(study.columns["status"] != "ok"):
+        kind = (
+            str(who[i]),
+            str(study.columns["status"][i]),
+            NUMBER.sub("#", str(study.columns["reason"][i])),
+        )
+        found.setdefault(kind, []).append(int(i))
     total = Counter(str(w) for w in who)
     return [
-        (*kind, n, n / total[kind[0]], cell_words(study, int(first[kind])))
-        for kind, n in Counter(kinds).most_common()
+        (
+            *kind[:2],
+            _short(str(study.columns["reason"][rows[0]])),
+            len(rows),
+            len(rows) / total[kind[0]],
+            cell_words(study, rows[0]),
+        )
+        for kind, rows in sorted(found.items(), key=lambda item: -len(item[1]))
     ]
 
 
