@@ -14,6 +14,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from mcap.writer import Writer
 
 from sysid_bench.nouns import LOST, InputError, Record
@@ -60,6 +63,28 @@ def test_a_record_comes_back_bit_for_bit(tmp_path, suffix):
     assert all(same_bits(getattr(back, name), getattr(record, name)) for name in "tuy")
     assert back.quality is None
     assert os.listdir(tmp_path) == [path.name], "no temporary file stays"
+
+
+@st.composite
+def records(draw) -> Record:
+    N, nu, ny = draw(st.integers(2, 12)), draw(st.integers(1, 3)), draw(st.integers(1, 3))
+    finite = st.floats(allow_nan=False, allow_infinity=False)
+    steps = draw(arrays(np.float64, N, elements=st.floats(1e-6, 1e3)))
+    u, y = (draw(arrays(np.float64, (N, count), elements=finite)) for count in (nu, ny))
+    quality = draw(st.none() | arrays(np.uint8, N, elements=st.integers(0, 255)))
+    return Record(draw(st.floats(-1e3, 1e3)) + np.cumsum(steps), u, y, quality=quality)
+
+
+@settings(max_examples=60, deadline=None)
+@given(record=records(), suffix=st.sampled_from(SUFFIXES))
+def test_any_record_comes_back(tmp_path_factory, record, suffix):
+    path = tmp_path_factory.getbasetemp() / f"any{suffix}"
+    write_record(record, path)
+    back = read_record(path)
+    assert all(same_bits(getattr(back, name), getattr(record, name)) for name in "tuy")
+    assert (record.quality is None and not np.any(back.quality)) or np.array_equal(
+        back.quality, record.quality
+    )
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".mcap"])
@@ -112,6 +137,7 @@ WRONG_CSV = [
     ("t,u1,y1\n0,1,1\n0.1,1,1\n0.1,1,1\n", ("line 4", "column t", "same time twice")),
     ("t,u1,y1\n0,1,1\n0.2,1,1\n0.1,1,1\n", ("line 4", "column t", "Sort")),
     ("t,u1,y1\n0,1,1\n0.1,1,1\n0.2,1,1\n0.4,1,1\n", ("line 5", "constant step", "0.1 s", "quality column")),
+    ("t,u1,y1\n1700000000.001,1,1\n1700000000.002,1,1\n1700000000.003,1,1\n", ("Subtract the first time",)),
     ("t,u1,y1\n0,1,1\nnan,1,1\n0.2,1,1\n", ("line 3", "column t", "finite time")),
     ("t,u1\n0,1\n0.1,1\n", ("column y1 is missing", "found: t, u1")),
     ("t,u1,y1,y3\n0,1,1,1\n", ("column y2 is missing",)),

@@ -138,10 +138,12 @@ def _check_times(t: Array, place: Place, even: bool) -> None:
     if even and (np.abs(steps - step) > UNIFORM_STEP_RTOL * step).any():
         usual = float(np.median(steps))
         k = int(np.argmax(np.abs(steps - usual)))
+        digits = "Subtract the first time: numbers as large as these keep too few digits of the step"
+        rounded = np.spacing(np.abs(t).max()) > 0.1 * UNIFORM_STEP_RTOL * step
         raise place.refuse(
             f"a constant step is wanted (to {UNIFORM_STEP_RTOL:g} relative); this one is {steps[k]:.9g} s, the "
-            f"median {usual:.9g} s. Write times with enough digits, resample, or, for samples with gaps, add a "
-            "quality column (0 = good).",
+            f"median {usual:.9g} s. {digits if rounded else 'Write times with enough digits'}, resample, or, for "
+            "samples with gaps, add a quality column (0 = good).",
             k + 1,
             "t",
         )
