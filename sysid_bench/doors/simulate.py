@@ -11,11 +11,12 @@ import numpy as np
 
 from sysid_bench.build import build
 from sysid_bench.files import read_model
-from sysid_bench.files.effects import effect_from
+from sysid_bench.files.effects import effects_from
 from sysid_bench.files.provenance import config_of, provenance
 from sysid_bench.files.yaml_text import yaml_text
 from sysid_bench.nouns import InputError, Model, Plant, Record
 from sysid_bench.records import record_path, write_record
+from sysid_bench.records.columns import Place, check_size
 
 PARTS = ("excitation", "noise", "sampling", "source")
 
@@ -36,14 +37,14 @@ def simulated(cfg: dict[str, Any]) -> tuple[Record, Model | None]:
     packages = cfg["plugins"].packages
     model = read_model(cfg["model"]) if cfg["model"] else None
     plant = plant_of(model, cfg["model"]) if model is not None else build(cfg["plant"], packages)
-    added = tuple(effect_from(entry, f"effects[{i}]") for i, entry in enumerate(cfg["effects"] or []))
-    plant = replace(plant, effects=(*plant.effects, *added))
+    plant = replace(plant, effects=(*plant.effects, *effects_from(cfg["effects"] or [])))
     excitation, noise, sampling, source = (build(cfg[name], packages) for name in PARTS)
     if model is not None and model.sample_time_s not in (None, sampling.h_s):
         raise InputError(
             f"model {cfg['model']} says sample_time: {model.sample_time_s:g} s; sampling.h_s is {sampling.h_s:g}. "
             f"Give sampling.h_s={model.sample_time_s:g}."
         )
+    check_size(sampling.N, 1 + plant.nu + plant.ny, Place(str(cfg["out"]), str))
     seed = cfg["seed"]
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
         raise InputError(f"seed must be a whole number 0..; got {seed!r}.")

@@ -10,6 +10,13 @@ from sysid_bench.nouns import Effect, InputError
 _ENTRY = ("name", "dof", "parameters")
 
 
+def effects_from(entries: Any) -> tuple[Effect, ...]:
+    """Effects of the list `effects`. Raises InputError naming the entry that is wrong."""
+    if not isinstance(entries, list):
+        raise InputError(f"effects must be a list of {{name, dof, parameters}}; got {entries!r:.60}.")
+    return tuple(effect_from(entry, f"effects[{i}]") for i, entry in enumerate(entries))
+
+
 def effect_from(entry: Any, where: str) -> Effect:
     """Effect of an entry. Raises InputError: not a mapping, unknown key, name, parameter or unit, bad place."""
     if not isinstance(entry, Mapping):

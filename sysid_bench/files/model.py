@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.files.disk import atomic_write
-from sysid_bench.files.effects import effect_from, entry_of
+from sysid_bench.files.effects import effects_from, entry_of
 from sysid_bench.files.yaml_text import read_yaml, yaml_text
 from sysid_bench.nouns import HOLDS, OUTPUTS, InputError, Model
 
@@ -106,7 +106,7 @@ def _field(key: str, value: Any) -> tuple[str, Any]:
     if key == "free":
         return key, _free(value)
     if key == "effects":
-        return key, _effects(value)
+        return key, effects_from(value)
     return key, value
 
 
@@ -198,12 +198,6 @@ def _mask(value: Any, name: str) -> np.ndarray:
             f"{name} must be rows of true and false, as many as the matrix has; got {value!r:.60}."
         )
     return np.array(value, dtype=bool)
-
-
-def _effects(value: Any) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise InputError(f"effects must be a list of {{name, dof, parameters}}; got {value!r:.60}.")
-    return tuple(effect_from(entry, f"effects[{i}]") for i, entry in enumerate(value))
 
 
 def write_model(model: Model, path: str | os.PathLike, origin: Mapping[str, Any] | None = None) -> None:
