@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
+from sysid_bench.knobs import check_knobs
 from sysid_bench.nouns import InputError
 
 OWN = "sysid_bench"
@@ -54,6 +55,7 @@ def _construct(target: str, parts: dict[str, Any], packages: Sequence[str]) -> A
         raise InputError(
             f"{cls.__name__} has no knob {', '.join(map(repr, unknown))}; it has {', '.join(known) or 'none'}."
         )
+    check_knobs(cls, parts)
     try:
         return cls(**parts)
     except InputError:

@@ -151,7 +151,7 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
             with open_dict(cfg):
                 del cfg["hydra"]
             plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
-    except (HydraException, OmegaConfBaseException) as problem:
+    except (HydraException, OmegaConfBaseException, ValueError, TypeError, KeyError) as problem:
         raise InputError(_one_message(name or "option", problem)) from None
     assert isinstance(plain, dict) and isinstance(choices, dict)
     own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}

@@ -167,6 +167,13 @@ def _square(value: Any, name: str, n: int) -> Array:
     return matrix
 
 
+def _effects(values: Any) -> tuple[Effect, ...]:
+    for value in values:
+        if not isinstance(getattr(value, "name", None), str):
+            raise InputError(f"effects must be a list of options of the group effect; got {value!r:.60}.")
+    return tuple(values)
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """What a method or the gap workflow is handed: structure, nominal values, which entries are free.
@@ -239,7 +246,14 @@ class Model:
                     f"free.{name} must be a symmetric {n}x{n} mask of mass, damping or stiffness; got {mask.shape}."
                 )
             free[name] = mask
-        for name, value in (("n", n), ("input_map", L), ("output_map", C), ("free", free)):
+        effects = _effects(self.effects)
+        for name, value in (
+            ("n", n),
+            ("input_map", L),
+            ("output_map", C),
+            ("free", free),
+            ("effects", effects),
+        ):
             object.__setattr__(self, name, value)
 
     @property
@@ -288,7 +302,7 @@ class Plant:
         )  # fmt: skip
         for name in ("mass", "damping", "stiffness", "input_map", "output_map"):
             object.__setattr__(self, name, getattr(checked, name))
-        object.__setattr__(self, "effects", tuple(self.effects))
+        object.__setattr__(self, "effects", _effects(self.effects))
 
     @property
     def n(self) -> int:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from sysid_bench.asked import require
 from sysid_bench.files import read_estimate
 from sysid_bench.nouns import InputError
 
@@ -15,6 +16,7 @@ FORMATS = {".yaml": "model", ".mat": "matlab", ".xml": "mjcf", ".py": "control",
 
 def main(cfg: dict[str, Any]) -> int:
     """Write `to`; 0 where it is written."""
+    require(cfg, "export", "estimate", "to")
     source, path = Path(cfg["estimate"]), Path(cfg["to"])
     name = FORMATS.get(path.suffix.lower())
     if name is None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.asked import require
 from sysid_bench.build import build
 from sysid_bench.estimate_table import show
 from sysid_bench.files import read_model, write_estimate, write_model
@@ -26,6 +27,7 @@ SLOW_PERIODS = 5
 
 def main(cfg: dict[str, Any]) -> int:
     """0 with an estimate; 1 where the method says no (estimate.json says why)."""
+    require(cfg, "identify", "record", "model", "method", "out")
     out = results_folder(cfg["out"])
     options = {"topic": cfg["topic"]} if cfg["topic"] else {}
     record, model, remarks = pair(read_record(cfg["record"], **options), read_model(cfg["model"]))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.asked import require
 from sysid_bench.build import build
 from sysid_bench.files import read_model
 from sysid_bench.files.effects import effects_from
@@ -23,6 +24,7 @@ PARTS = ("excitation", "noise", "sampling", "source")
 
 def main(cfg: dict[str, Any]) -> int:
     """Write the record `out` and print its one line."""
+    require(cfg, "simulate", *PARTS, "out", *([] if cfg.get("model") else ["plant"]))
     out = record_path(cfg["out"])
     record, model = simulated(cfg)
     write_record(record, out, {"config.yaml": yaml_text(config_of(cfg))})

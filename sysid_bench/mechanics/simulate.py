@@ -10,6 +10,8 @@ from sysid_bench.mechanics.rules import RULES, rule
 from sysid_bench.mechanics.second_order import state_space
 from sysid_bench.nouns import Array, InputError, Model, Plant, Signal
 
+MOST_STEPS = 1_000_000
+
 
 def continuous(model: Model | Plant) -> tuple[Array, Array, Array, Array]:
     """(A, B, C, D) of a model's values. Raises InputError where it has none."""
@@ -65,7 +67,15 @@ def simulate_hidden_step(
 
 def steps_within(long_s: float, short_s: float, short_name: str, long_name: str) -> int:
     """How often short_s goes into long_s. Raises InputError where it does not go in a whole number of times."""
-    count = round(long_s / short_s) if short_s > 0 else 0
+    if not np.isfinite([float(long_s), float(short_s)]).all():
+        raise InputError(
+            f"{short_name} and {long_name} must be finite times in s; got {short_s} and {long_s}."
+        )
+    count = round(min(long_s / short_s, MOST_STEPS + 1)) if short_s > 0 else 0
+    if count > MOST_STEPS:
+        raise InputError(
+            f"{short_name} = {short_s:g} s goes more than {MOST_STEPS:,} times into {long_name}."
+        )
     if count < 1 or abs(count * short_s - long_s) > 1e-6 * long_s:
         raise InputError(
             f"{short_name} must divide {long_name}; got {short_name} = {short_s:g} s and {long_name} = {long_s:g} s. "

@@ -114,7 +114,10 @@ def _settings(thing: Any) -> dict[str, Any]:
 def _units(plant: Plant) -> dict[str, Any]:
     """Seconds, and the plant's units where they fit its channels and what its sensors measure."""
     fits = {"u": plant.nu, "y": plant.ny}
-    units = {c: list(plant.units[c]) for c in fits if len(plant.units.get(c, ())) == fits[c]}
+    said = {c: plant.units.get(c) for c in fits}
+    units = {
+        c: [str(x) for x in v] for c, v in said.items() if isinstance(v, list | tuple) and len(v) == fits[c]
+    }
     if plant.output != "displacement" and not all("/s" in unit for unit in units.get("y", [])):
         del units["y"]  # a plant of metres with its output switched to accelerations
     return {"t": "s"} | units
