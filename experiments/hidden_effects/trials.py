@@ -1,17 +1,12 @@
 """seeds -> one scored line per hidden trial, appended to a .jsonl file; and the summary of such a file.
 
-    python experiments/hidden_effects/trials.py run --first 5000 --count 30 --out results/hidden_effects/report.jsonl
+    OPENBLAS_NUM_THREADS=1 python experiments/hidden_effects/trials.py run --first 5000 --count 30 --out results/hidden_effects/report.jsonl
     python experiments/hidden_effects/trials.py table results/hidden_effects/report.jsonl
 
 Seeds below 5000 are for tuning; the figures that are reported come from seeds never touched before (5000 on).
 """
 
 from __future__ import annotations
-
-import os
-
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 import argparse
 import json
