@@ -29,6 +29,9 @@ from sysid_bench.mechanics.subspace import (
 from sysid_bench.nouns import Array
 
 Replicate = tuple[HalfModes, np.ndarray]
+# Complex regressors up to which fitting the input rows of every replicate again takes little time.
+REFITTED_COLUMNS = 16
+
 Drives = Callable[[HalfModes], np.ndarray | None]
 
 
@@ -45,18 +48,21 @@ def replicates(
     """(modes, beta) without each of `wanted` blocks of z = [u y] (N, nu + ny); [] for short records.
 
     None where a block less leaves nothing to factor, as without noise. Where modes merge, split or move by much
-    of their distance between the replicates, the first order is no use: then the input rows are fitted again.
+    of their distance between the replicates, the first order is no use: then the input rows are fitted again, if
+    that is cheap; else such replicates are None.
     """
     parts = blocks(len(z) - 2 * i + 1, wanted, 4 * i)
     found = _modes_without(z, nu, i, weight, int(modes.weight.sum()), parts)
     samples = _sample_blocks(parts, i, len(z))
     alike = [None if m is None else _matched(m, modes) for m in found]
-    if all(m is not None and _near(m, modes) for m in alike):
-        moves = _row_moves(modes, fit, samples, alike)
-        return [(m, fit.beta + move) for m, move in zip(alike, moves)]
-    return [
-        None if m is None else (m, _refitted(m, z, nu, fit, drives, part)) for m, part in zip(found, samples)
-    ]
+    small = fit.beta.size <= REFITTED_COLUMNS
+    if small and not all(m is not None and _near(m, modes) for m in alike):
+        return [
+            None if m is None else (m, _refitted(m, z, nu, fit, drives, part))
+            for m, part in zip(found, samples)
+        ]
+    moves = _row_moves(modes, fit, samples, [modes if m is None else m for m in alike])
+    return [None if m is None else (m, fit.beta + move) for m, move in zip(alike, moves)]
 
 
 def _refitted(modes: HalfModes, z: Array, nu: int, fit: InputFit, drives: Drives, part: slice) -> np.ndarray:
