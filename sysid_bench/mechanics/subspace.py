@@ -159,15 +159,16 @@ def gradient(modes: HalfModes, products: np.ndarray, q: int) -> Array:
     return np.concatenate([g.real, -g.imag])
 
 
-def solve_rows(modes: HalfModes, normal: Array, g: Array, q: int) -> np.ndarray:
-    """beta (k, q) complex of normal [Re; Im] = g; least squares of minimal norm where it is singular."""
+def solve_rows(modes: HalfModes, normal: Array, gradients: Array, q: int) -> np.ndarray:
+    """beta (R, k, q) complex of normal [Re; Im] = g, gradients (R, 2 k q); of minimal norm where it is singular."""
     used = _real_columns(modes, q)
     H = normal[np.ix_(used, used)]
     scale = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    solution = np.zeros(len(used))
-    solution[used] = np.linalg.lstsq(H / np.outer(scale, scale), g[used] / scale, rcond=1e-13)[0] / scale
+    right = (gradients[:, used] / scale).T
+    solution = np.zeros(gradients.shape)
+    solution[:, used] = np.linalg.lstsq(H / np.outer(scale, scale), right, rcond=1e-13)[0].T / scale
     half = len(used) // 2
-    return (solution[:half] + 1j * solution[half:]).reshape(-1, q)
+    return (solution[:, :half] + 1j * solution[:, half:]).reshape(len(gradients), -1, q)
 
 
 def fit_inputs(
@@ -195,7 +196,7 @@ def fit_inputs(
     products = columns.T @ target
     normal = normal_matrix(modes, columns.T @ columns, q)
     g = gradient(modes, products[:half] + 1j * products[half:], q)
-    beta = solve_rows(modes, normal, g, q)
+    beta = solve_rows(modes, normal, g[None], q)[0]
     coefficients = (np.repeat(modes.c * modes.weight, q, axis=1) * beta.ravel()).T
     residual = y - xi.real @ coefficients.real + xi.imag @ coefficients.imag
     Dd = np.linalg.lstsq(u, residual, rcond=None)[0] if feedthrough else None

@@ -52,6 +52,8 @@ def replicates(
     that is cheap; else such replicates are None.
     """
     parts = blocks(len(z) - 2 * i + 1, wanted, 4 * i)
+    if not parts:
+        return []
     found = _modes_without(z, nu, i, weight, int(modes.weight.sum()), parts)
     samples = _sample_blocks(parts, i, len(z))
     alike = [None if m is None else _matched(m, modes) for m in found]
@@ -73,8 +75,6 @@ def _refitted(modes: HalfModes, z: Array, nu: int, fit: InputFit, drives: Drives
 
 def _sample_blocks(parts: list[slice], i: int, N: int) -> list[slice]:
     """Blocks of samples around the middles of the Hankel windows."""
-    if not parts:
-        return []
     edges = [0, *(part.start + i for part in parts[1:]), N]
     return [slice(a, b) for a, b in pairwise(edges)]
 
@@ -113,18 +113,16 @@ def _near(found: HalfModes, modes: HalfModes) -> bool:
     return bool(np.all(np.abs(found.p - modes.p) < 0.2 * distance.min(axis=1)))
 
 
-def _row_moves(
-    modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes]
-) -> list[np.ndarray]:
-    """beta(replicate) - beta, (k, nu + 1) each: N^-1 (- score of the block - J^T dy of the moved modes)."""
+def _row_moves(modes: HalfModes, fit: InputFit, parts: list[slice], changed: list[HalfModes]) -> np.ndarray:
+    """beta(replicate) - beta, (J, k, nu + 1): N^-1 (- score of the block - J^T dy of the moved modes)."""
     q, J, xi = fit.beta.shape[1], len(parts), fit.xi
     z = np.einsum("tkj,kj->tk", xi.reshape(len(xi), -1, q), fit.beta)
     slope = np.stack([lfilter([0, 1.0], [1.0, -p], z[:, k]) for k, p in enumerate(modes.p)], axis=1)
     real, imaginary = xi.T @ np.hstack([z.real, slope.real]), xi.T @ np.hstack([z.imag, slope.imag])
-    moves = []
+    gradients = []
     for part, new in zip(parts, changed):
         score = xi[part].T @ fit.residual[part] * (J / (J - 1))
         dc = np.tile(modes.weight, 2) * np.hstack([new.c - modes.c, modes.c * (new.p - modes.p)])
         shift = real @ dc.real.T - imaginary @ dc.imag.T
-        moves.append(solve_rows(modes, fit.normal, -gradient(modes, score + shift, q), q))
-    return moves
+        gradients.append(-gradient(modes, score + shift, q))
+    return solve_rows(modes, fit.normal, np.array(gradients), q)
