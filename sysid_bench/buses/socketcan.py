@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sysid_bench.frames.link import Link
+from sysid_bench.frames.link import Link, enlarge_buffer
 from sysid_bench.nouns import InputError
 
 
@@ -35,6 +35,7 @@ class SocketCan:
             raise InputError(
                 f"bus socketcan: {self.channel} cannot be opened ({problem}). Is it up? `ip link set up {self.channel}`."
             ) from None
+        enlarge_buffer(bus.socket)
         return Link(bus, f"socketcan {self.channel}", kernel_time=True)
 
     def _check(self, rig: Any) -> None:

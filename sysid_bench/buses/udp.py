@@ -7,11 +7,8 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from sysid_bench.frames.link import Link
+from sysid_bench.frames.link import Link, enlarge_buffer
 from sysid_bench.nouns import InputError
-
-BUFFER_BYTES = 8 * 2**20
-SO_RCVBUFFORCE = 33
 
 
 @dataclass(frozen=True)
@@ -70,12 +67,7 @@ def _bind_to_interface(sock: socket.socket, group: str, own: bytes) -> None:
         pass
     sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member + own)
     sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
-    for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
-        try:
-            sock.setsockopt(socket.SOL_SOCKET, option, BUFFER_BYTES)
-            break
-        except OSError:
-            continue
+    enlarge_buffer(sock)
 
 
 def _address(interface: str) -> bytes:

@@ -11,7 +11,7 @@ from typing import Any
 from sysid_bench.build import build
 from sysid_bench.emulator.faults import Fault
 from sysid_bench.emulator.process import Emulator
-from sysid_bench.frames.link import LinkLost
+from sysid_bench.frames.link import LinkLost, opened
 from sysid_bench.frames.priority import before_others
 from sysid_bench.nouns import InputError, Plant
 
@@ -27,7 +27,7 @@ def main(cfg: dict[str, Any]) -> int:
         signal.signal(number, lambda n, _: ended.append(n))
     end = time.monotonic() + (cfg["seconds"] or 1e12)
     with open(cfg["truth"] or "/dev/null", "w") as truth:
-        link = bus.open(rig)
+        link = opened(bus, rig, cfg["pace"])
         try:
             emulator = Emulator(rig, plant, hardware, faults, link, truth if cfg["truth"] else None)
             print(

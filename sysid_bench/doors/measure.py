@@ -18,6 +18,7 @@ from sysid_bench.build import build
 from sysid_bench.files import read_model
 from sysid_bench.files.provenance import config_of, provenance
 from sysid_bench.files.yaml_text import yaml_text
+from sysid_bench.frames.link import opened
 from sysid_bench.frames.priority import before_others
 from sysid_bench.measure.commands import Commands, commands
 from sysid_bench.measure.drive import drive
@@ -55,8 +56,8 @@ def main(cfg: dict[str, Any]) -> int:
             _draw(run, rig)
     if cfg["dry_run"]:
         return 0
-    _confirm(rig, bus, cfg["yes"])
-    with closing(bus.open(rig)) as link:
+    with closing(opened(bus, rig, cfg["pace"])) as link:
+        _confirm(rig, bus, cfg["yes"])
         for number, run in enumerate(runs):
             time.sleep((cfg.get("campaign") or {}).get("pause_s", 0.0) if number else 0.0)
             link.drain()

@@ -61,14 +61,14 @@ class Emulator:
 
     def run(self, until: Callable[[], bool]) -> None:
         """Answer until `until()` is true. Raises LinkLost."""
-        start, number, true, state_at = time.monotonic(), 0, 0.0, 0.0
+        start, number, true, state_at = self._link.now(), 0, 0.0, 0.0
         due, tick = self._clock.instant(0)
         while not until():
-            if self._listen(start + due - time.monotonic()) or time.monotonic() < start + due:
-                continue  # a controller takes frames while its processor is late: those in hand come before the tick
-            step = (
-                due - true if self._jitter else self._step
-            )  # to the bit the same, for the plant's exact step
+            self._link.sleep(start + due - self._link.now())
+            while self._listen():  # a controller holds what comes between two ticks
+                pass
+            # without jitter to the bit the same step each time: its matrix exponential is kept
+            step = due - true if self._jitter else self._step
             self._tick(due, tick, step if number else 0.0)
             if due >= state_at:
                 self._send(self.device.state_frames())
@@ -79,12 +79,14 @@ class Emulator:
     def _number(self) -> int:
         return self.device.k if self.device.state == "running" else -1
 
-    def _listen(self, wait: float) -> bool:
-        """Take one frame, waiting for it at most until the tick is due; True where there was one."""
-        frame = self._link.recv(max(0.0, wait))
-        if frame is None or self.injector.offline:
+    def _listen(self) -> bool:
+        """Take one frame that has come; False where there is none."""
+        frame = self._link.recv(0.0)
+        if frame is None:
             return False
-        now = time.monotonic()
+        if self.injector.offline:
+            return True
+        now = self._link.now()
         for arrived in self.injector.passing(frame, self._number()):
             self._send(self.device.receive(arrived, now))
         return True
@@ -96,10 +98,10 @@ class Emulator:
         late = self.injector.release(k) if running else self.injector.release_all()
         for frame in late:
             if frame.id in self.rig.ids(host=True):
-                device.receive(frame, time.monotonic())
+                device.receive(frame, self._link.now())
             else:
                 self._send([frame])
-        for frame in device.sample(time.monotonic(), tick, dt):
+        for frame in device.sample(self._link.now(), tick, dt):
             self._send(self.injector.passing(frame, k if running else -1))
         if self._truth and device.state != "idle":
             self._note(due, tick, k)

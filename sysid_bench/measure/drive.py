@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -14,8 +14,8 @@ from sysid_bench.measure.log import RunLog
 from sysid_bench.measure.session import Session
 from sysid_bench.nouns import InputError
 
-WAIT_S = 0.001
-BURST = 50
+WAIT_S = 0.002
+BURST = 500
 STOP_FRAMES = 3
 AFTER_STOP_S = 0.2
 
@@ -46,26 +46,22 @@ def drive(
             )
             log.event(f"stopped: {reason}")
             if not isinstance(problem, (Stopped, LinkLost, KeyboardInterrupt)):
-                log.close()
-                raise
+                log.event(traceback.format_exc())
             return reason
 
 
 def _turn(session: Session, link: Link, log: RunLog) -> None:
-    """All frames that have come, then one step."""
-    frame = link.recv(WAIT_S)
+    """Wait a little, take all frames that have come, then one step: few wake-ups, whatever the frame rate."""
+    link.sleep(WAIT_S)
     for _ in range(BURST):
+        frame = link.recv(0.0)
         if frame is None:
             break
         log.frame(frame, sent=False)
-        session.receive(frame, time.monotonic())
-        frame = link.recv(0.0)
-    if frame is not None:
-        log.frame(frame, sent=False)
-        session.receive(frame, time.monotonic())
+        session.receive(frame, link.now())
     if log.failure is not None:
         raise Stopped(f"the log cannot be written ({log.failure})")
-    for out in session.step(time.monotonic()):
+    for out in session.step(link.now()):
         link.send(out)
         log.frame(out, sent=True)
 
@@ -76,8 +72,8 @@ def stop_now(session: Session, link: Link, log: RunLog) -> bool:
     sent = sum(_try_to_send(link, frame) for _ in range(STOP_FRAMES))
     for _ in range(sent):
         log.frame(frame, sent=True)
-    end = time.monotonic() + AFTER_STOP_S
-    while time.monotonic() < end:
+    end = link.now() + AFTER_STOP_S
+    while link.now() < end:
         try:
             answer = link.recv(0.01)
         except LinkLost:
