@@ -167,7 +167,9 @@ def told(verdict: Verdict) -> str:
     clock = verdict.clock
     if clock is None:
         return f"frames      {counts}\nclock       too short a record to compare the clocks"
-    use = "applied" if clock.significant else "not told from zero, device time kept"
+    use = "not told from zero, device time kept"
+    if clock.significant:
+        use = "applied" if verdict.valid else "not applied"
     return (
         f"frames      {counts}\nclock       drift {clock.drift_ppm:.2f} +- {clock.drift_std_ppm:.2f} ppm ({use}); "
         f"arrivals jitter by {1e3 * clock.jitter_s:.3f} ms rms, 99 % within {1e3 * clock.delay_p99_s:.2f} ms"

@@ -15,6 +15,8 @@ from sysid_bench.emulator.motion import motion_of
 from sysid_bench.frames.link import Link, send_all
 from sysid_bench.nouns import InputError, Plant
 
+BREATH = 0.1  # of a sampling step
+
 
 class Clock:
     """The device's sampling instants: true time (s since the start) and its own tick."""
@@ -64,7 +66,8 @@ class Emulator:
         start, number, true, state_at = self._link.now(), 0, 0.0, 0.0
         due, tick = self._clock.instant(0)
         while not until():
-            self._link.sleep(start + due - self._link.now())
+            # late ticks are caught up with, but never back to back: the host must get its turn in between
+            self._link.sleep(max(start + due - self._link.now(), BREATH * self._step))
             while self._listen():  # a controller holds what comes between two ticks
                 pass
             # without jitter to the bit the same step each time: its matrix exponential is kept

@@ -10,7 +10,6 @@ from typing import Any
 from sysid_bench.frames.frame import Frame
 from sysid_bench.nouns import InputError
 
-
 BUFFER_BYTES = 8 * 2**20
 SO_RCVBUFFORCE = 33  # above the system's limit, where allowed
 
