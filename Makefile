@@ -10,7 +10,7 @@ PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: setup sweep sweep-full papers smoke test check check-full lint types bench lock clean help
+.PHONY: rig test-socketcan setup sweep sweep-full papers smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -43,6 +43,12 @@ test: $(READY) ## the tests and the exact regression check
 
 check: $(READY) ## statistical checks, minutes
 	$(BIN)/python -m pytest -m slow
+
+rig: $(READY) ## emulator, measurement over a loopback bus, log, identification, M, D, K against the plant (2 minutes)
+	$(BIN)/sysid-bench rig out=$(RESULTS)/rig
+
+test-socketcan: $(READY) ## device and host over a real SocketCAN kernel, candump as witness (minutes; says what to install)
+	$(BIN)/python -m pytest -rs tests/socketcan
 
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .
