@@ -15,6 +15,7 @@ from sysid_bench.papers import (
     kapucu_baysec_1997,
     kapucu_baysec_1997_use,
     misprints,
+    possible,
 )
 from sysid_bench.papers.claims import CONFIRMED, PARTLY, REFUTED, Claim, Misprint, Verdict, number
 from sysid_bench.papers.evidence import Tables, command
@@ -30,6 +31,7 @@ PAPERS = {
         bruschetta_2011_conversion.CLAIMS + bruschetta_2011_theory.CLAIMS + bruschetta_2011.CLAIMS,
         misprints.BRUSCHETTA,
     ),
+    "Beside the papers, on the same records": (possible.CLAIMS, ()),
 }
 HEAD = """# What the two papers claim, and what their claims come to here
 
@@ -68,7 +70,8 @@ def page(tables: Tables) -> str:
         parts += [f"## {paper}: claims\n", *map(_claim, range(1, len(judged[paper]) + 1), judged[paper])]
         if paper.startswith("Kapucu"):
             parts.append(fall())
-        parts += [f"## {paper}: misprints\n", _misprints(wrong)]
+        if wrong:
+            parts += [f"## {paper}: misprints\n", _misprints(wrong)]
     return "\n".join(parts).rstrip() + "\n"
 
 
