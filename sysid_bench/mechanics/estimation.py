@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
 from sysid_bench.mechanics.identifiability import Identifiability, entry_names, identifiability
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, maximise
+from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, evaluate, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.response import POWER, Maps
 from sysid_bench.mechanics.samples import even_samples
@@ -25,6 +25,8 @@ EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 SHORT_RECORD = 5.0  # periods of the slowest mode
 ENOUGH_BINS = 500  # to approach the maximum on
+SLACK = 0.05  # how negative an estimate may be by noise, relative
+SAME_MAXIMUM = 0.1  # of log-likelihood
 REWEIGHTED = 2  # times the noise spectrum is estimated anew
 
 
@@ -87,20 +89,40 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
     reasons: list[str] = []
     for share in BANDS:
         narrow = [replace(run, F=max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
-        sparse = [_thin(run) for run in narrow] if share == 1.0 else narrow
-        for start in starts(sparse, problem.free, problem.known, problem.guess, share == 1.0):
+        near = [_thin(run) for run in narrow] if share == 1.0 else narrow
+        for start in starts(near, problem.free, problem.known, problem.guess, share == 1.0):
             try:
-                tries.append(_settled(problem, narrow, _approached(problem, sparse, narrow, start())))
+                tries.append(_settled(problem, runs, _approached(problem, near, runs, start())))
             except (Diverged, NotApplicable) as problem_met:
                 reasons.append(str(problem_met))
                 continue
-            if tries[-1].maximum.converged and unexplained(tries[-1]) < 1.0:
+            if is_sound(tries[-1]) and (_explained(tries[-1]) or _confirmed(tries)):
                 return _coloured(tries[-1])
     if not tries:
-        raise NotApplicable(f"no start: {reasons[0]}")
-    return _coloured(
-        min(tries, key=lambda fit: (not fit.maximum.converged, max(unexplained(fit), 1.0), fit.cost))
-    )
+        raise NotApplicable("no start: " + "; ".join(dict.fromkeys(reasons)))
+    return _coloured(min(tries, key=lambda fit: (not is_sound(fit), evaluate(fit.maximum.theta, runs).cost)))
+
+
+def is_sound(fit: Fit) -> bool:
+    """The search ended, in a plant that can exist: mass and stiffness not negative, no mode that grows fast."""
+    M, _, K = fit.matrices
+    if not (fit.maximum.converged and np.all(np.isfinite(fit.maximum.theta))):
+        return False
+    least = min(np.linalg.eigvalsh(X)[0] / np.abs(X).max() for X in (M, K))
+    found = fit.maximum.point.modes.poles
+    return bool(least > -SLACK and np.all(found.real < SLACK * np.abs(found)))
+
+
+def _explained(fit: Fit) -> bool:
+    """Nothing left in the band but noise, as far as the noise above the band tells."""
+    return fit.problem.noise != "coloured" and unexplained(fit) < 1.0
+
+
+def _confirmed(tries: list[Fit]) -> bool:
+    """Another start has led to the last maximum, and none to a higher one."""
+    last, *others = reversed(tries)
+    same = [fit.cost for fit in others if all(a.F == b.F for a, b in zip(fit.runs, last.runs))]
+    return bool(same) and abs(min(same) - last.cost) < SAME_MAXIMUM
 
 
 def _thin(run: Run) -> Run:
@@ -110,7 +132,7 @@ def _thin(run: Run) -> Run:
 
 def _approached(problem: Problem, sparse: list[Run], full: list[Run], theta: Array) -> Array:
     """theta after a search on few bins, where that is cheaper."""
-    if sum(run.F for run in sparse) > sum(run.F for run in full) / 2:
+    if all(a.F == b.F for a, b in zip(sparse, full)):
         return theta
     return _maximise(problem, sparse, theta).theta
 
@@ -214,6 +236,10 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
     M, D, K = fit.matrices
     if not fit.maximum.converged:
         raise Diverged(f"no maximum of the likelihood in {fit.maximum.iterations} iterations.")
+    if not is_sound(fit):
+        raise Diverged(
+            "the likelihood was highest for a plant that cannot exist: too little signal for this model."
+        )
     told = identifiability(fit.maximum.H, fit.problem.free, fit.problem.maps.n)
     found = poles(M, D, K)
     diagnostics = {

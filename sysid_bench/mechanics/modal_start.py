@@ -22,13 +22,13 @@ from sysid_bench.nouns import Array, Diverged, NotApplicable
 Complex = NDArray[np.complex128]
 
 
-def modal_start(data: Spectra, maps: Maps, F: int) -> Array:
+def modal_start(data: Spectra, maps: Maps, F: int, per_period: float = 8.0) -> Array:
     """theta from modes. Raises NotApplicable where sensors and forces together do not see every degree of
     freedom, Diverged where the modes found do not make a mechanical system."""
     ny, nu = len(maps.C), maps.L.shape[1]
     if ny + nu <= maps.n or np.linalg.matrix_rank(np.vstack([maps.C, maps.L.T])) < maps.n:
         raise NotApplicable("sensors and forces together do not reach every degree of freedom.")
-    poles, weight = subspace_poles(data, maps, F)
+    poles, weight = subspace_poles(data, maps, F, per_period)
     R = residues(data, maps, F, poles, weight)
     shapes = np.stack([_shape(Rk, maps, pole) for Rk, pole in zip(R, poles)], axis=1)
     pair = weight == 2
@@ -39,10 +39,10 @@ def modal_start(data: Spectra, maps: Maps, F: int) -> Array:
     return _matrices(poles, shapes)
 
 
-def subspace_poles(data: Spectra, maps: Maps, F: int) -> tuple[Complex, Array]:
+def subspace_poles(data: Spectra, maps: Maps, F: int, per_period: float = 8.0) -> tuple[Complex, Array]:
     """Continuous poles, one of each pair, and their weights (2 for a pair)."""
     top = data.omega[F - 1] / MARGIN
-    factor = decimation_factor(data.h, top, data.N)
+    factor = decimation_factor(data.h, top, data.N, per_period)
     u, y = decimate(data.u, factor), decimate(data.y, factor)
     nx = 2 * maps.n
     i = default_horizon(len(u), u.shape[1], y.shape[1], nx)

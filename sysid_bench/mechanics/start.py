@@ -7,6 +7,7 @@ Gauss-Newton steps, at a poor signal to noise ratio they run away.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from sysid_bench.mechanics.refined_iv import refine
 from sysid_bench.nouns import Array, Diverged
 
 STEPS = 3
+SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 3.5)  # of the top mode, for the subspace step; each another chance
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
 
 
@@ -26,14 +28,16 @@ def starts(
 ) -> Iterator[Callable[[], Array]]:
     """Functions that return theta, or raise Diverged or NotApplicable."""
     yield lambda: refined_start(runs, free, linear_start(runs, free, known))
+    yield lambda: linear_start(runs, free, known)
     if whole_band:
-        yield lambda: _kept(modal_start(runs[0].data, runs[0].maps, runs[0].F), free, known)
+        for per_period in SAMPLES_PER_PERIOD:
+            yield partial(_from_modes, runs[0], free, known, per_period)
         if guess is not None:
             yield lambda: np.array(guess)
 
 
-def _kept(theta: Array, free: NDArray[np.bool_], known: Array) -> Array:
-    return np.where(free, theta, known)
+def _from_modes(run: Run, free: NDArray[np.bool_], known: Array, per_period: float) -> Array:
+    return np.where(free, modal_start(run.data, run.maps, run.F, per_period), known)
 
 
 def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Array:
