@@ -30,7 +30,7 @@ from sysid_bench.records import read_record, write_record
 from sysid_bench.records.mcap_read import read_attachments
 
 tried: Counter[str] = Counter()
-LONGEST_S = 2.0
+LONGEST_S = 2.0  # of processor time: a busy machine is no hang
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -43,7 +43,7 @@ def count_printed(pytestconfig):
 def attempt(reader, path: Path, kind: str):
     """What the reader returns, or None where it refuses as it should."""
     tried[kind] += 1
-    start = time.monotonic()
+    start = time.process_time()
     try:
         return reader(path)
     except InputError as problem:
@@ -51,7 +51,7 @@ def attempt(reader, path: Path, kind: str):
         assert path.name in message and "\n" not in message and len(message) < 900, message
         return None
     finally:
-        assert time.monotonic() - start < LONGEST_S
+        assert time.process_time() - start < LONGEST_S
 
 
 def small_record() -> Record:
