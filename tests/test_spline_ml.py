@@ -159,7 +159,7 @@ def test_what_cannot_be_told_is_named() -> None:
     y = simulate(plant, u, 0.25, "cubic", np.array([0, 0, 1.0, 0, 0, 0]))
     record = Record(0.25 * np.arange(600), u, y + 0.01 * rng.standard_normal(y.shape), "cubic")
     estimate = SplineML(nominal=True).fit(record, plant.model())
-    assert "M[2,2]" in estimate.diagnostics["cannot_be_told"] and np.isinf(estimate.std("M")[2, 2])
+    assert "M[2,2]" in estimate.diagnostics["cannot_be_told"] and estimate.std("M")[2, 2] > 0.5
 
 
 @pytest.mark.slow

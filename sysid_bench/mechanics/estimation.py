@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.identifiability import Identifiability, entry_names, identifiability
+from sysid_bench.mechanics.identifiability import Identifiability, drowned, entry_names, identifiability
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
 from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, evaluate, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
@@ -215,7 +215,7 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
     return maximise(runs, theta[free], Parameters(value, lambda phi: T))
 
 
-def covariance_of(fit: Fit, told: Identifiability) -> Array:
+def covariance_of(fit: Fit) -> Array:
     """(ntheta, ntheta) inverse information; zero rows for entries that were not free, infinite variances for
     those that the record cannot tell."""
     free = fit.problem.free
@@ -226,9 +226,16 @@ def covariance_of(fit: Fit, told: Identifiability) -> Array:
     inverse = np.linalg.pinv(H / np.outer(d, d), rcond=1e-13, hermitian=True) / np.outer(d, d)
     covariance = np.zeros_like(fit.maximum.H)
     covariance[np.ix_(free, free)] = inverse * observed / max(observed - spent, 1.0)
-    blind = np.isin(entry_names(fit.problem.maps.n), told.untold)
-    covariance[blind, blind] = np.inf
     return covariance
+
+
+def _told(fit: Fit) -> tuple[Array, Identifiability]:
+    """Covariance with infinite variances for what the record cannot tell, and the names of that."""
+    n = fit.problem.maps.n
+    told, covariance = identifiability(fit.maximum.H, fit.problem.free, n), covariance_of(fit)
+    blind = np.isin(entry_names(n), told.untold)
+    covariance[blind, blind] = np.inf
+    return covariance, replace(told, untold=told.untold or drowned(covariance, fit.maximum.theta, n))
 
 
 def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
@@ -240,7 +247,7 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
         raise Diverged(
             "the likelihood was highest for a plant that cannot exist: too little signal for this model."
         )
-    told = identifiability(fit.maximum.H, fit.problem.free, fit.problem.maps.n)
+    covariance, told = _told(fit)
     found = poles(M, D, K)
     diagnostics = {
         **{k: v for k, v in said.items() if not k.endswith("warning")},
@@ -256,7 +263,7 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
             [*(v for k, v in said.items() if k.endswith("warning")), *_warnings(fit, told, found)]
         ),
     }
-    return Estimate(M=M, D=D, K=K, covariance=covariance_of(fit, told), poles=found, diagnostics=diagnostics)
+    return Estimate(M=M, D=D, K=K, covariance=covariance, poles=found, diagnostics=diagnostics)
 
 
 def _periods(fit: Fit, found: NDArray[Any]) -> float:
@@ -278,5 +285,5 @@ def _warnings(fit: Fit, told: Identifiability, found: NDArray[Any]) -> list[str]
     if np.abs(found).max() > nyquist:
         said.append("a mode lies above the Nyquist frequency: sample faster")
     if told.untold:
-        said.append(f"the record cannot tell {', '.join(told.untold)} apart")
+        said.append(f"the record cannot tell {', '.join(told.untold)}")
     return said

@@ -43,3 +43,16 @@ def identifiability(H: Array, free: NDArray[np.bool_], n: int) -> Identifiabilit
     return Identifiability(
         int(free.sum()), int((~blind).sum()), float(values[-1] / max(values[0], 1e-300)), untold
     )
+
+
+def drowned(covariance: Array, theta: Array, n: int) -> tuple[str, ...]:
+    """Entries of M and K whose 95 % interval reaches from zero to twice their size: this record hardly tells them.
+
+    Small entries count as a quarter of the largest of their matrix; damping may be zero and is left out.
+    """
+    q = len(theta) // 3
+    largest = np.abs(theta.reshape(3, q)).max(axis=1).repeat(q)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    wide = error > 0.5 * np.maximum(np.abs(theta), largest / 4)
+    wide[q : 2 * q] = False
+    return tuple(np.array(entry_names(n))[wide])
