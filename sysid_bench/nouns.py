@@ -22,7 +22,7 @@ OUTPUTS: tuple[str, ...] = ("displacement", "velocity", "acceleration")
 STATUSES: tuple[str, ...] = ("ok", "diverged", "timeout", "not_applicable", "error")
 
 # Bits of Record.quality; 0 is a good sample.
-LOST, DUPLICATED, REORDERED, CORRUPTED, LATE, CLIPPED = 1, 2, 4, 8, 16, 32
+LOST, DUPLICATED, REORDERED, CORRUPTED, LATE, CLIPPED, STUCK = 1, 2, 4, 8, 16, 32, 64
 UNIFORM_STEP_RTOL = 1e-6
 
 

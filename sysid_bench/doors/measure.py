@@ -123,9 +123,8 @@ def _confirm(rig: Any, bus: Any, yes: bool) -> None:
 def measured(run: Run, rig: Any, link: Any) -> bool:
     """Drive and log one run; True where its record is whole and valid. Prints what came of it."""
     cfg = run.cfg
-    rules = Rules(
-        rig.rate_hz, rig.tick_unit_s, rig.numbered, cfg["late_s"], cfg["max_lost"], cfg["max_drift_ppm"]
-    )
+    knobs = ("late_s", "max_lost", "max_drift_ppm", "stuck_s")
+    rules = Rules(rig.rate_hz, rig.tick_unit_s, rig.numbered, **{knob: cfg[knob] for knob in knobs})
     origin = {
         "source": "measured", "rig": rig.name, "bus": link.name, "judged_by": asdict(rules),
         **provenance("measure", cfg, [cfg["model"]] if cfg["model"] else []),

@@ -25,6 +25,7 @@ class Fault:
     frames       of the frame kinds: force, feedback, sync, state, all, or a message's name
     channel      of stuck_sensor: the output, counted from 0
     probability  that a frame of the window is hit
+    run          the run it comes in, counted from 1 since the device was switched on; null: every run
     """
 
     kind: str
@@ -33,6 +34,7 @@ class Fault:
     count: int | None = None
     probability: float = 1.0
     channel: int = 0
+    run: int | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in FRAME_KINDS + DEVICE_KINDS:
@@ -45,6 +47,7 @@ class Fault:
             )
 
     def active(self, k: int) -> bool:
+        """True at sample k of a run that it concerns."""
         return self.at_sample <= k and (self.count is None or k < self.at_sample + self.count)
 
 
@@ -62,6 +65,7 @@ class Injector:
         self._name = {m.frame_id: m.name for m in self.rig.database.messages}
         self._held: list[tuple[int, Frame]] = []
         self.offline = False
+        self.run = 0
         known = {"force", "feedback", "sync", "state", "all", *self._name.values()}
         for fault in self.faults:
             if fault.frames not in known:
@@ -82,7 +86,8 @@ class Injector:
         """Faults of the device itself, before it takes the sample of its present number; frames they cause."""
         if device.state != "running":
             return []
-        for fault in self.faults:
+        self.run += device.k == 0
+        for fault in self._present():
             if fault.kind == "stuck_sensor":
                 self._stick(fault, device)
             elif fault.kind in DEVICE_KINDS and fault.at_sample == device.k:
@@ -93,6 +98,9 @@ class Injector:
                 self.offline = True
                 return [bus_off()] if fault.kind == "bus_off" else []
         return []
+
+    def _present(self) -> list[Fault]:
+        return [fault for fault in self.faults if fault.run in (None, self.run)]
 
     def _stick(self, fault: Fault, device: Device) -> None:
         if fault.active(device.k):
@@ -118,7 +126,7 @@ class Injector:
         name = self._name.get(frame.id)
         if name is None or k < 0:
             return [frame]
-        for fault in self.faults:
+        for fault in self._present():
             if fault.kind in FRAME_KINDS and fault.active(k) and self._concerns(fault, name):
                 if self._rng.random() < fault.probability:
                     self._count(fault.kind)

@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 from sysid_bench.files.disk import atomic_write
 from sysid_bench.measure.arrivals import number_arrivals
 from sysid_bench.measure.clock import ClockFit, fit_clock
-from sysid_bench.nouns import LATE, LOST, Array, InputError
+from sysid_bench.nouns import LATE, LOST, STUCK, Array, InputError
 from sysid_bench.records.mcap_stream import DAMAGED, stream
 from sysid_bench.records.mcap_write import ORIGIN, describe, register
 from sysid_bench.records.protobuf import class_from_schema
@@ -109,6 +109,7 @@ class Rules:
     late_s: float
     max_lost: float
     max_drift_ppm: float
+    stuck_s: float | None
 
 
 def judged(
@@ -125,13 +126,29 @@ def judged(
     if clock is not None:
         late = good & (clock.delays(device_s, table["host_s"]) > rules.late_s)
         quality[late] |= LATE
+    quality[_stuck(table, rules)] |= STUCK
     scale = clock.scale if clock is not None and clock.significant and not _runaway(clock, rules) else 1.0
     table["t"] = scale * (device_s - device_s[0])
     table["quality"] = quality
     counts = {**counts, "late": int(np.count_nonzero(quality & LATE))}
+    counts |= {"stuck": int(np.count_nonzero(quality & STUCK))}
     if not rules.numbered:
         counts["lost"] = int(np.count_nonzero(quality & LOST))
     return table, _verdict(clock, counts, quality, rules)
+
+
+def _stuck(table: Mapping[str, np.ndarray], rules: Rules) -> np.ndarray:
+    """(N,) bool: samples of an output that had moved and then repeats itself bit for bit for stuck_s."""
+    stuck = np.zeros(len(table["k"]), dtype=bool)
+    if rules.stuck_s is None:
+        return stuck
+    shortest = max(2, round(rules.stuck_s * rules.rate_hz))
+    for name in (name for name in table if name.startswith("y")):
+        changes = np.flatnonzero(np.diff(table[name]) != 0) + 1
+        for start, end in zip(changes, [*changes[1:], len(stuck)]):
+            if end - start > shortest:
+                stuck[start:end] = True
+    return stuck
 
 
 def _verdict(clock: ClockFit | None, counts: Mapping[str, int], quality: np.ndarray, rules: Rules) -> Verdict:
