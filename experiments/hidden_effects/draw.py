@@ -398,13 +398,12 @@ class Draw:
 
     def blur(self, spread):
         rng = self.rng
-        if self.kind == "parameters":
-            spread = 0.25
-        elif spread is None:
+        if spread is None:
             spread = rng.choice([0.0, 0.02])
         for m, X in enumerate(self.nominal):
+            wrong = rng.choice([-1, 1], X.shape) * rng.uniform(0.1, 0.3, X.shape)
             F = 1 + (
-                rng.uniform(-spread, spread, X.shape)
+                wrong
                 if self.kind == "parameters"
                 else spread * (3 if m == 1 else 1) * rng.normal(size=X.shape)
             )

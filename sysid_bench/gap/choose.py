@@ -116,7 +116,26 @@ def shortlist(screened: Screen, most: int) -> list[Candidate]:
         if len(same) >= 2 or any(x.effect.name == c.effect.name and x.place == c.place for x in out):
             continue
         out.append(c)
+    out += _located(screened, out)
     return out + _relatives(screened, out)
+
+
+def _located(screened: Screen, chosen: list[Candidate]) -> list[Candidate]:
+    """Where a force at one place, and no other, would explain it all, that place's best names are tried too.
+
+    Friction that sticks is seen so: no regressor shows it, for the motion is zero.
+    """
+    ranked = sorted(screened.by_place.items(), key=lambda item: -item[1])
+    if len(ranked) < 2 or ranked[0][1] < 0.9 or (1 - ranked[0][1]) > 0.3 * (1 - ranked[1][1]):
+        return []
+    if chosen[0].explained > 0.9 * screened.left:
+        return []
+    out: list[Candidate] = []
+    for c in screened.candidates:
+        known = any(x.effect.name == c.effect.name and x.place == c.place for x in (*chosen, *out))
+        if c.place == ranked[0][0] and not c.decoy and not known and len(out) < 3:
+            out.append(c)
+    return out
 
 
 def _relatives(screened: Screen, chosen: list[Candidate]) -> list[Candidate]:
@@ -165,13 +184,14 @@ def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float
     if not screened.candidates or screened.candidates[0].explained < 30 + 4 * np.log(R):
         return Round(screened, [], base, None)
     finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
-    contenders = []
+    contenders, best = [], screened.candidates[0].explained
     for candidate in shortlist(screened, finalists):
+        clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in contenders)
+        if clean and candidate.explained < 0.9 * best:
+            continue  # something closes the gap already, and this one is far behind
         one = refine(problem, base, candidate)
         if one is not None:
             contenders.append(one)
-            if one.fit.rho < 1.02 and not one.is_decoy and len(contenders) >= 3:
-                break
     contenders.sort(key=lambda c: c.cost)
     return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules))
 

@@ -352,6 +352,8 @@ def fit(
                 J_now[:, nt + k] *= point.effects[e].values[p]
         # J_now is d(simulated)/d(...): the rows are measured minus simulated, so H step = J' rows
         H, g = J_now.T @ J_now, J_now.T @ rows
+        if not (np.isfinite(H).all() and np.isfinite(g).all()):
+            break  # the derivatives of an unstable motion leave every bound
         H[np.arange(nt), np.arange(nt)] += weight * prior**-2
         g[:nt] -= weight * point.theta / prior**2
         better = None
@@ -360,6 +362,9 @@ def fit(
             try:
                 step = np.linalg.solve(H + damping * np.diag(size), g)
             except np.linalg.LinAlgError:
+                damping *= 10
+                continue
+            if not np.isfinite(step).all():
                 damping *= 10
                 continue
             trial = moved_point(problem, point, parameters, step)
@@ -379,7 +384,7 @@ def fit(
         if gain < max(tolerance * cost, 0.5):
             break
     covariance = None
-    if H is not None:
+    if H is not None and np.isfinite(H).all():
         try:
             covariance = np.linalg.inv(H) * weight
         except np.linalg.LinAlgError:

@@ -13,14 +13,14 @@ import numpy as np
 
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import force_along, free_response, response, seen
+from sysid_bench.gap.motion import force_along, free_response, seen
 from sysid_bench.gap.problem import Fit, Point, Problem
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.effect import Effect, Seen, Suspect, direction
 from sysid_bench.mechanics.nonlinear import actuated, effect_channels, trajectory
 from sysid_bench.nouns import Array
 
-MOST_PLACES = 10
+MOST_PLACES = 8
 MOST_ROWS = 6000
 
 
@@ -118,13 +118,17 @@ def _own_columns(problem: Problem, point: Point, s: SeenMotion) -> np.ndarray:
 
 def _sensor_columns(s: SeenMotion, name: str, channel: int | None) -> np.ndarray:
     t = np.arange(s.trace.N) / s.trace.N
-    if name == "sensor_scale":
-        shapes = [s.trace.y[:, channel or 0]]
+    if name == "sensor_scale":  # the linear response, not the measurement: that would explain itself away
+        shapes = [_linear_output(s)[:, channel or 0]]
     else:
         shapes = [np.ones(s.trace.N)] if name == "sensor_bias" else [t, t * t]
     out = np.zeros((s.trace.F, s.G.shape[1], len(shapes)), dtype=complex)
     out[:, channel or 0, :] = s.trace.spectrum(np.column_stack(shapes))
     return out
+
+
+def _linear_output(s: SeenMotion) -> Array:
+    return s.trace.y - s.trace.signal(s.left)
 
 
 def _actuated_difference(
@@ -203,18 +207,65 @@ def places(n: int) -> list:
     return [*range(n), *((i, j) for i in range(n) for j in range(i + 1, n))]
 
 
-def explained_by_place(problem: Problem, seens: list[SeenMotion], b: Basis) -> dict:
-    """Share of what is left that some force history at one place could explain, for every place."""
-    total, energy = {}, 0.0
-    for s, R in zip(seens, b.lefts):
-        energy += np.sum(np.abs(R) ** 2)
-        for place in places(problem.model.n):
-            g = (s.G[:, :, : problem.model.n] @ direction(place, problem.model.n)) * s.trace.weight
-            match = np.abs(np.einsum("fc,fc->f", g.conj(), R)) ** 2 / np.maximum(
-                np.sum(np.abs(g) ** 2, 1), 1e-300
-            )
-            total[place] = total.get(place, 0.0) + float(match.sum())
-    return {place: value / max(energy, 1e-300) for place, value in total.items()}
+def explained_by_place(
+    problem: Problem, point: Point, seens: list[SeenMotion], b: Basis, prior_scale: float
+) -> dict:
+    """Share of what is left that some force history at one place could explain, M, D, K refitted, for every place.
+
+    A force along c moves the channels along g = G c at each frequency; what lies across g cannot come from there.
+    """
+    traces = [_whitened(problem, point, s) for s in seens]
+    offset = b.offset
+    plain = _leftover(traces, None, b, problem.prior * prior_scale, offset)
+    out = {}
+    for place in places(problem.model.n):
+        c = direction(place, problem.model.n)
+        out[place] = 1 - _leftover(traces, c, b, problem.prior * prior_scale, offset) / max(plain, 1e-300)
+    return out
+
+
+def _whitened(problem: Problem, point: Point, s: SeenMotion):
+    """(Z, r, G): complex whitened columns (F, ny, p), target (F, ny), response (F, ny, n) of one trace."""
+    free = free_response(s.linear.assembly, s.trace, problem.model.output)
+    own = np.concatenate([theta_columns(problem, s), _own_columns(problem, point, s)], axis=2)
+    w = s.trace.weight[:, None]
+    return free * w, own * w, s.left * s.trace.weight, s.G[:, :, : problem.model.n] * w
+
+
+def _leftover(traces, c: Array | None, b: Basis, prior: Array, offset: int) -> float:
+    """Energy across G c that M, D, K and the free response cannot explain; all of it where c is None."""
+    size = len(b.norms)
+    gram, right, energy, rows, at = np.zeros((size, size)), np.zeros(size), 0.0, 0, 0
+    for free, own, r, G in traces:
+        Z = np.concatenate([free, own], axis=2)
+        where = np.concatenate([np.arange(at, at + free.shape[2]), np.arange(offset, size)])
+        Z, at = Z / b.norms[where], at + free.shape[2]
+        flat, target = Z.reshape(-1, Z.shape[2]), r.reshape(-1)
+        part = (flat.conj().T @ flat).real
+        match = (flat.conj().T @ target).real
+        energy += float(np.sum(np.abs(r) ** 2))
+        rows += r.size * 2
+        if c is not None:
+            g = G @ c
+            g = g / np.maximum(np.linalg.norm(g, axis=1), 1e-300)[:, None]
+            along = np.einsum("fc,fcp->fp", g.conj(), Z, optimize=True)
+            hit = np.einsum("fc,fc->f", g.conj(), r)
+            part -= (along.conj().T @ along).real
+            match -= (along.conj().T @ hit).real
+            energy -= float(np.sum(np.abs(hit) ** 2))
+            rows -= 2 * len(hit)
+        gram[np.ix_(where, where)] += part
+        right[where] += match
+    nt, left = len(prior), energy
+    held = np.zeros(size)
+    for _ in range(2):
+        pull = max(1.0, left / max(rows, 1)) / prior**2
+        held[offset : offset + nt] = pull / b.norms[offset : offset + nt] ** 2
+        toward = np.zeros(size)
+        toward[offset : offset + nt] = -pull * b.theta0 / b.norms[offset : offset + nt]
+        x = np.linalg.solve(gram + np.diag(held + 1e-9), right + toward)
+        left = max(energy - 2 * right @ x + x @ gram @ x, 0.0)
+    return left
 
 
 def unexplained_force(problem: Problem, s: SeenMotion, left: np.ndarray) -> tuple[Array, Array]:
@@ -281,10 +332,17 @@ def screen(
         for trace, run, x0 in zip(problem.traces, fit.runs, fit.point.starts)
     ]
     b = basis(problem, fit.point, seens, prior_scale)
-    by_place = explained_by_place(problem, seens, b)
-    worth = sorted(by_place, key=lambda place: -by_place[place])
+    by_place = explained_by_place(problem, fit.point, seens, b, prior_scale)
+    worth = places(problem.model.n)
     if problem.model.n > 3:
-        worth = worth[:MOST_PLACES]
+        promise = {place: _promise(problem, seens, b, place) for place in worth}
+        half = MOST_PLACES // 2
+        worth = sorted(promise, key=lambda place: -promise[place])[:half]
+        worth += [
+            place
+            for place in sorted(by_place, key=lambda place: -by_place[place])[:half]
+            if place not in worth
+        ]
     found: list[Candidate] = []
     for place in worth:
         found += _at_place(problem, fit.point, seens, b, catalogue, place)
@@ -355,6 +413,36 @@ def sizes(problem: Problem, s: SeenMotion, c: Array, channel: int | None, search
         float(x.std()), float(np.abs(x).max()), float(v.std()), float(u.std()), float(np.abs(u).max()),
         float(fastest), s.trace.h, s.trace.N * s.trace.h, max(float(omega.min()), 1e-3 * float(omega.max())), float(omega.max()), search,
     )  # fmt: skip
+
+
+def _promise(problem: Problem, seens, b: Basis, place) -> float:
+    """Energy that a handful of general shapes explains together at a place: whether it is worth the whole catalogue."""
+    c = direction(place, problem.model.n)
+    blocks = []
+    for s in seens:
+        x, v = s.q @ c, s.v @ c
+        z, w = x / max(x.std(), 1e-300), v / max(v.std(), 1e-300)
+        shapes = [
+            np.sign(w),
+            np.abs(w) * w,
+            z**3,
+            z * z,
+            np.clip(z, -0.5, 0.5),
+            np.ones_like(z),
+            _follower(z),
+        ]
+        blocks.append(force_columns(s, c, np.column_stack(shapes)))
+    A = np.concatenate([_stack(seens, blocks), np.zeros((b.ridge, blocks[0].shape[2]))])
+    A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    QA, target = b.Q.T @ A, A.T @ b.r
+    return float(target @ np.linalg.solve(A.T @ A - QA.T @ QA + 1e-6 * np.eye(len(target)), target))
+
+
+def _follower(z: Array) -> Array:
+    """How far a place has moved since it last turned, up to a limit: what hysteresis and play depend on."""
+    turned = np.concatenate([[True], np.diff(np.sign(np.diff(z, prepend=z[0]))) != 0])
+    last = np.maximum.accumulate(np.where(turned, np.arange(len(z)), 0))
+    return np.clip(z - z[last], -0.6, 0.6)
 
 
 def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) -> list[Candidate]:
@@ -548,10 +636,7 @@ def _sensor_maker(kind, dof: int, duration: float):
         if kind.name == "sensor_bias":
             return kind(dof=dof, bias=float(c[0]))
         if kind.name == "sensor_scale":
-            return kind(dof=dof, factor=1 + float(c[0])) if c[0] > -0.9 else None
+            return kind(dof=dof, factor=1 + float(c[0])) if -0.6 < c[0] < 1.5 else None
         return kind(dof=dof, rate=float(c[0]) / duration, curvature=float(c[1]) / duration**2)
 
     return make
-
-
-__all__ = ["Candidate", "Screen", "response", "screen"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid_bench.gap.choose import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
-from sysid_bench.gap.problem import free_parameters, is_log
+from sysid_bench.gap.problem import is_log
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
 
@@ -232,6 +232,3 @@ def power_values(answer: Answer) -> dict[str, Any]:
                 "dof": place_value(c.place),
             }
     return sizes
-
-
-__all__ = ["free_parameters", "gap_values"]

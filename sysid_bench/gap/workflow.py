@@ -16,7 +16,7 @@ from sysid_bench.gap.problem import Fit, Problem, evaluate, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import Screen, screen
-from sysid_bench.gap.traces import Trace, band_end, banded, noise_floor, trace_of
+from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, InputError, Model, Record
 
@@ -175,6 +175,3 @@ def _final_screen(problem: Problem, story: Story, catalogue) -> Screen | None:
     if story.rounds and story.rounds[-1].chosen is None:
         return story.rounds[-1].screen
     return screen(problem, story.fit, catalogue)
-
-
-__all__ = ["Answer", "Trace", "find_gap"]
