@@ -196,9 +196,9 @@ class Model:
     mass: Array | None = None
     damping: Array | None = None
     stiffness: Array | None = None
-    n: int | None = None
-    input_map: Array | None = None
-    output_map: Array | None = None
+    n: int = None  # type: ignore[assignment]
+    input_map: Array = None  # type: ignore[assignment]  # the identity, set below
+    output_map: Array = None  # type: ignore[assignment]
     output: Output = "displacement"
     hold: Hold | None = None
     initial_state: Literal["free", "at_rest"] = "free"
@@ -289,8 +289,8 @@ class Plant:
     mass: Array
     damping: Array
     stiffness: Array
-    input_map: Array | None = None
-    output_map: Array | None = None
+    input_map: Array = None  # type: ignore[assignment]  # the identity, set below
+    output_map: Array = None  # type: ignore[assignment]
     output: Output = "displacement"
     effects: tuple[Effect, ...] = ()
     units: Mapping[str, Any] = field(default_factory=dict)
