@@ -131,11 +131,12 @@ def measured(run: Run, rig: Any, link: Any) -> bool:
     }  # fmt: skip
     properties = {"hold": "zoh", "period": run.plan.period, "units": _units(rig)}
     attachments = {"rig.dbc": rig.dbc_text.encode("latin-1"), "config.yaml": yaml_text(config_of(cfg))}
+    viewer = _viewer(rig) if cfg["view"] else None
     with before_others():
-        log = RunLog(run.out, rig, run.plan, properties, origin, attachments)
+        log = RunLog(run.out, rig, run.plan, properties, origin, attachments, viewer)
         session = Session(rig, run.plan, Watch(rig, cfg["stuck_s"]), cfg["silence_s"], log, link.name)
         try:
-            reason = drive(session, link, log, _viewer(rig) if cfg["view"] else None)
+            reason = drive(session, link, log)
         except InputError:
             log.close()
             run.out.unlink()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 from sysid_bench.frames.frame import Frame
@@ -20,9 +20,7 @@ STOP_FRAMES = 3
 AFTER_STOP_S = 0.2
 
 
-def drive(
-    session: Session, link: Link, log: RunLog, watch: Callable[[Session], None] | None = None
-) -> str | None:
+def drive(session: Session, link: Link, log: RunLog) -> str | None:
     """Run the session to its end; None, or the reason why it was stopped.
 
     Raises InputError where no rig answers (nothing has moved then). Any other way out sends the emergency stop.
@@ -32,8 +30,6 @@ def drive(
         try:
             while not session.done:
                 _turn(session, link, log)
-                if watch:
-                    watch(session)
             return None
         except InputError:
             raise

@@ -41,7 +41,7 @@ RECORD, OUTSIDE = "/record", "/outside"
 
 
 class RunLog:
-    """Sink of a session. Messages are packed and written by a thread of their own, so that a slow disk delays no frame."""
+    """Sink of a session; `viewer` is shown every sample, too. Messages are packed and written by a thread of their own, so that a slow disk delays no frame."""
 
     def __init__(
         self,
@@ -51,7 +51,9 @@ class RunLog:
         properties: Mapping[str, Any],
         origin: Mapping[str, Any],
         attachments: Mapping[str, bytes | str],
+        viewer: Any = None,
     ) -> None:
+        self._viewer = viewer
         self._plan, self._rig = plan, rig
         self._queue: queue.SimpleQueue = queue.SimpleQueue()
         self._file = open(path, "wb")
@@ -103,6 +105,8 @@ class RunLog:
             self._writer.finish()
             self._sync()
         self._file.close()
+        if self._viewer:
+            self._viewer.close()
         if self.failure is not None:
             raise self.failure
 
@@ -122,6 +126,8 @@ class RunLog:
 
     def _write(self, stamp: int, topic: str | None, content: Any) -> None:
         if topic is None:
+            if self._viewer:
+                self._viewer.sample(content)
             inside = self._plan.first <= content.k < self._plan.first + self._plan.N
             topic, message = (
                 (RECORD if inside else OUTSIDE),

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.nouns import CLIPPED, CORRUPTED, DUPLICATED, LATE, LOST, REORDERED, Record
+from sysid_bench.nouns import CLIPPED, CORRUPTED, DUPLICATED, LATE, LOST, REORDERED, STUCK, Record
 from sysid_bench.views.html import flat
 from sysid_bench.views.style import COLOURS
 
 FLAGS = {LOST: "lost", DUPLICATED: "duplicated", REORDERED: "reordered", CORRUPTED: "corrupted", LATE: "late",
-         CLIPPED: "clipped"}  # fmt: skip
+         CLIPPED: "clipped", STUCK: "stuck"}  # fmt: skip
 
 SAMPLES_IN_SIGHT = 1000  # the rest is there to scroll to
 
