@@ -132,6 +132,7 @@ def measured(run: Run, rig: Any, link: Any) -> bool:
     properties = {"hold": "zoh", "period": run.plan.period, "units": _units(rig)}
     attachments = {"rig.dbc": rig.dbc_text.encode("latin-1"), "config.yaml": yaml_text(config_of(cfg))}
     viewer = _viewer(rig) if cfg["view"] else None
+    start = time.process_time()
     with before_others():
         log = RunLog(run.out, rig, run.plan, properties, origin, attachments, viewer)
         session = Session(rig, run.plan, Watch(rig, cfg["stuck_s"]), cfg["silence_s"], log, link.name)
@@ -141,19 +142,24 @@ def measured(run: Run, rig: Any, link: Any) -> bool:
             log.close()
             run.out.unlink()
             raise
-    return _finished(run, session, log, reason)
+    return _finished(run, session, log, reason, time.process_time() - start)
 
 
-def _finished(run: Run, session: Session, log: RunLog, reason: str | None) -> bool:
+def _finished(run: Run, session: Session, log: RunLog, reason: str | None, cpu_s: float) -> bool:
     counts = session.samples.counts
-    log.statistics(json.dumps({"frames": counts, "error_frames": session.error_frames, "stopped": reason}))
+    log.statistics(
+        json.dumps(
+            {"frames": counts, "error_frames": session.error_frames, "stopped": reason, "host_cpu_s": cpu_s}
+        )
+    )
     log.close()
-    _, verdict = rewrite(run.out, run.out, {"frames": counts, "stopped": reason})
+    _, verdict = rewrite(run.out, run.out, {"frames": counts, "stopped": reason, "host_cpu_s": cpu_s})
     if reason:
         print(f"sysid-bench measure: stopped: {reason}. Log: {run.out}", file=sys.stderr)
     if verdict is not None:
         print(f"{run.out}: {read_record(run.out)!r}")
         print(told(verdict))
+        print(f"host CPU    {1e6 * cpu_s / max(log.samples, 1):.0f} us per sample, log included")
         if not verdict.valid:
             print(f"sysid-bench measure: the record is marked invalid: {verdict.reason}.", file=sys.stderr)
     return reason is None and verdict is not None and verdict.valid
