@@ -30,9 +30,8 @@ class Home:
 
 
 def home() -> Home:
-    if (REPOSITORY / "conf" / "sweep.yaml").is_file():
-        return Home(REPOSITORY / "conf", REPOSITORY / "experiments")
-    return Home(PACKAGE / "conf_files", PACKAGE / "experiment_files")
+    root = REPOSITORY if (REPOSITORY / "conf" / "sweep.yaml").is_file() else PACKAGE / "shipped"
+    return Home(root / "conf", root / "experiments")
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ def compose(verb: str, overrides: Sequence[str] = (), plugins: Plugins = Plugins
     `choices` says which option each group has.
     Raises InputError with Hydra's own words made into one message.
     """
-    wanted = [_override(text, plugins) for text in overrides]
+    wanted = [_override(verb, text, plugins) for text in overrides]
     return _composed(verb, wanted, plugins)
 
 
@@ -118,14 +117,14 @@ def option(group: str, name: str, plugins: Plugins = Plugins()) -> dict[str, Any
     return _composed(None, [f"+{group}={name}"], plugins)[group]
 
 
-def _override(text: str, plugins: Plugins) -> str:
+def _override(verb: str, text: str, plugins: Plugins) -> str:
     key, equals, value = text.partition("=")
     if not equals:
         raise InputError(f"{text!r} is not an override; wanted KEY=VALUE, for instance noise.snr_db=15.")
     if key == "experiment":
         if value.removesuffix(".yaml") not in studies(plugins):
             raise InputError(f"experiment={value}: no such study. There are: {', '.join(studies(plugins))}.")
-        return f"+experiments={value.removesuffix('.yaml')}"
+        return f"+experiments={value.removesuffix('.yaml')}" if verb == "sweep" else text
     if key.lstrip("+") in VERBATIM and value not in ("null", ""):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("${", "\\${")
         return f'{key}="{escaped}"'
@@ -140,9 +139,8 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
     from omegaconf.errors import OmegaConfBaseException
 
     where = home()
-    roots = [where.experiments.parent, *(f / "conf" for f in plugins.folders), *plugins.folders]
-    if where.experiments.name != "experiments":
-        overrides = [o.replace("+experiments=", f"+{where.experiments.name}=") for o in overrides]
+    overrides = list(overrides)
+    roots = [*(f / "conf" for f in plugins.folders), *_study_roots(overrides, plugins)]
     searchpath = "hydra.searchpath=[" + ",".join(f'"file://{r}"' for r in roots) + "]"
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(where.conf)):
@@ -156,6 +154,13 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
     assert isinstance(plain, dict) and isinstance(choices, dict)
     own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
     return {**plain, "choices": own}
+
+
+def _study_roots(overrides: Iterable[str], plugins: Plugins) -> list[Path]:
+    """Folders that hold the study asked for. No others: Hydra takes every folder in them for a group."""
+    names = [o.removeprefix("+experiments=") for o in overrides if o.startswith("+experiments=")]
+    roots = (home().experiments.parent, *plugins.folders)
+    return [r for r in roots for name in names if (r / "experiments" / f"{name}.yaml").is_file()]
 
 
 def _one_message(name: str, problem: Exception) -> str:

@@ -14,7 +14,7 @@ from sysid_bench.frames.load import Load, Stream
 from sysid_bench.nouns import OUTPUTS, InputError
 
 PACKAGE = Path(__file__).resolve().parent.parent
-BESIDE = (PACKAGE.parent / "conf" / "rig", PACKAGE / "conf_files" / "rig")
+BESIDE = (PACKAGE.parent / "conf" / "rig", PACKAGE / "shipped" / "conf" / "rig")
 BITRATES_BPS = (10_000, 20_000, 50_000, 83_333, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 STATES = ("idle", "armed", "running", "fault")
 REQUESTS = ("clear", "arm", "start", "stop")
