@@ -1,0 +1,1 @@
+"""Mechanical systems given by a Lagrangian, dissipation and input map, one file each."""
