@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from rig_processes import emulator, finish, measure, running, start, truth_of, wait_for
 
+from sysid_bench.build import build
+from sysid_bench.conf import option
+from sysid_bench.mechanics.simulate import simulate
 from sysid_bench.nouns import LOST
 from sysid_bench.records import read_record
 from sysid_bench.records.mcap_read import read_attachments
@@ -127,3 +130,19 @@ def test_a_rig_without_counters_is_measured_too(tmp_path: Path) -> None:
     assert np.abs(record.y[:, 0] - y[start_at : start_at + 400])[good].max() < 1e-5
     same = record.u[:, 0] == u[start_at : start_at + 400]
     assert np.mean(same[good]) > 0.97  # a torque that comes after its tick is applied at the next one
+
+
+def test_hidden_effects_move_the_device_and_are_nowhere_in_the_log(tmp_path: Path) -> None:
+    effects = tmp_path / "effects.yaml"
+    effects.write_text(
+        "effects:\n  - {name: coulomb_friction, dof: 0, parameters: {force: {value: 0.2, unit: N}}}\n"
+    )
+    with emulator(f"effects={effects}", "hardware.noise_rms=0", truth=tmp_path / "truth.csv") as bus:
+        code, out, err = measure(bus, tmp_path / "run.mcap", "seconds=1")
+    assert code == 0, out + err
+    record = read_record(tmp_path / "run.mcap")
+    assert_as_the_device_did(record, tmp_path / "truth.csv")
+    plant = build(option("plant", "three_dof"))
+    smooth = simulate(plant, np.concatenate([np.zeros((1, 3)), record.u]), 0.002, "zoh")[1:]
+    assert np.abs(record.y - smooth)[-1].max() > 1e-3  # friction is felt
+    assert "coulomb" not in str(record.origin) + str(read_attachments(tmp_path / "run.mcap"))

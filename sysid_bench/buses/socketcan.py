@@ -27,10 +27,11 @@ class SocketCan:
     def open(self, rig: Any) -> Link:
         """Raises InputError: no such interface, interface down, wrong bit-rate, no CAN in this kernel."""
         import can
+        from can.interfaces.socketcan import SocketcanBus
 
         self._check(rig)
         try:
-            bus = can.Bus(interface="socketcan", channel=self.channel, fd=bool(rig.fd))
+            bus = SocketcanBus(self.channel, fd=bool(rig.fd))
         except (can.CanError, OSError) as problem:
             raise InputError(
                 f"bus socketcan: {self.channel} cannot be opened ({problem}). Is it up? `ip link set up {self.channel}`."

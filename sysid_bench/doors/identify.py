@@ -82,6 +82,10 @@ def fitted(method: Method, record: Record, model: Model, out: Path) -> tuple[Est
 def cautions(record: Record, model: Model, estimate: Estimate) -> list[str]:
     """What to keep in mind of an estimate from this record."""
     found = []
+    if record.origin.get("valid") is False:
+        found.append(f"the record is marked invalid: {record.origin.get('invalid_reason')}.")
+    if record.origin.get("stopped"):
+        found.append(f"the run was stopped: {record.origin['stopped']}.")
     if model.effects:
         names = ", ".join(effect.name for effect in model.effects)
         found.append(

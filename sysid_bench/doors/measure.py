@@ -22,7 +22,8 @@ from sysid_bench.frames.link import opened
 from sysid_bench.frames.priority import before_others
 from sysid_bench.measure.commands import Commands, commands
 from sysid_bench.measure.drive import drive
-from sysid_bench.measure.finish import Rules, Verdict, rewrite
+from sysid_bench.measure.finish import rewrite
+from sysid_bench.measure.judge import Rules, Verdict
 from sysid_bench.measure.limits import Watch, check_forces, check_motion
 from sysid_bench.measure.log import RunLog
 from sysid_bench.measure.preview import predicted, preview

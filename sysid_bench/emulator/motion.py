@@ -56,6 +56,7 @@ class NonlinearMotion:
     def __init__(self, plant: Plant, h: float) -> None:
         from sysid_bench.mechanics.nonlinear import Stepper  # compiles loops: only where a plant has effects
 
+        Stepper(plant, h).step(np.zeros(plant.nu))  # compiled now: a tick does not wait
         self._stepper, self._n = Stepper(plant, h), plant.n
         self._y = np.asarray(self._stepper.measure())
 
@@ -80,4 +81,4 @@ def motion_of(plant: Plant, h: float) -> Motion:
 def _zoh(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     nx, nu = B.shape
     E = expm(np.block([[A, B], [np.zeros((nu, nx + nu))]]) * dt)
-    return E[:nx, :nx], E[:nx, nx:]
+    return np.array(E[:nx, :nx], dtype=np.float64), np.array(E[:nx, nx:], dtype=np.float64)

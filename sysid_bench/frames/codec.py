@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import cantools
-from cantools.database import Error as DbcError
+from cantools.database.errors import Error as DbcError
 
 from sysid_bench.frames.checksum import rule
 from sysid_bench.frames.frame import Frame

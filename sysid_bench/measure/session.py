@@ -43,8 +43,10 @@ class Session:
         self.samples = (Assembler if rig.numbered else Arrivals)(rig, plan.u)
         self.phase, self.state, self.fault = "find", None, "none"
         self.foreign = self.error_frames = 0
-        self._since: float | None = None
-        self._asked = self._heard = self._sampled = self._state_at = self._beat = self._token = 0.0
+        self._started = False
+        self._since = self._asked = self._heard = self._sampled = self._state_at = self._beat = (
+            self._token
+        ) = 0.0
         self._next_force = 0
         self._frame_s = 2 * classic_bits(8) / rig.bitrate_bps
 
@@ -111,7 +113,8 @@ class Session:
 
     def step(self, now: float) -> list[Frame]:
         """What to send now. Raises InputError where no rig answers, Stopped where the run must end."""
-        if self._since is None:
+        if not self._started:
+            self._started = True
             self._enter("find", now)
             self._heard = now
         frames = self._heartbeat(now)
