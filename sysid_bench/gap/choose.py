@@ -18,6 +18,9 @@ from sysid_bench.mechanics.effect import Effect
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 
 
+BATCHES = 3  # of finalists, where the screen promises what no fit keeps
+
+
 @dataclass(frozen=True)
 class Rules:
     """How an effect earns its place.
@@ -70,15 +73,16 @@ class Story:
     unclear: bool = False
 
 
+def shape_count(effects: tuple[Effect, ...]) -> int:
+    """Parameters that count: not the smoothing of a sign, not the loss of a contact."""
+    return sum(effects[e].numeric[p] not in ("speed", "damping") for e, p in free_parameters(effects))
+
+
 def price(problem: Problem, one: Fit) -> float:
     """2 rss + parameters ln R + the squared step of theta: only a trusted nominal splits forces that are alike."""
     R = len(one.rows)
     moved = 0.09 * one.moved / 0.01  # in units of a tenth of each prior-weighted entry, weighed 0.3
-    count = sum(
-        1
-        for e, p in free_parameters(one.point.effects)
-        if one.point.effects[e].numeric[p] not in ("speed", "damping")
-    )
+    count = shape_count(one.point.effects)
     return 2 * one.rss + count * np.log(R) + 0.3 * moved
 
 
@@ -155,11 +159,11 @@ def cheapest(contenders: list[Contender], linear_gap: float, rules: Rules) -> Co
         return None
     best = contenders[0]
     margin = max(20.0, rules.practical * linear_gap)
-    count = len(free_parameters(best.fit.point.effects))
+    count = shape_count(best.fit.point.effects)
     for other in contenders[1:]:
         if other.cost - best.cost > margin:
             break
-        simpler = len(free_parameters(other.fit.point.effects)) < count
+        simpler = shape_count(other.fit.point.effects) < count
         if (best.is_decoy and not other.is_decoy) or (
             simpler and not other.is_decoy and _subset(other.effect, best.effect)
         ):
@@ -184,16 +188,37 @@ def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float
     if not screened.candidates or screened.candidates[0].explained < 30 + 4 * np.log(R):
         return Round(screened, [], base, None)
     finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
-    contenders, best = [], screened.candidates[0].explained
-    for candidate in shortlist(screened, finalists):
-        clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in contenders)
-        if clean and candidate.explained < 0.9 * best:
+    contenders: list[Contender] = []
+    rest = screened
+    for _ in range(BATCHES):
+        tried = shortlist(rest, finalists)
+        contenders += _fitted(problem, base, tried, contenders)
+        if not tried or _as_promised(base, contenders, screened):
+            break
+        names = {c.effect.name for c in tried}
+        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
+    contenders.sort(key=lambda c: c.cost)
+    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules))
+
+
+def _fitted(problem: Problem, base: Fit, tried: list[Candidate], before: list[Contender]) -> list[Contender]:
+    found: list[Contender] = []
+    for candidate in tried:
+        clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in (*before, *found))
+        if clean and candidate.explained < 0.9 * tried[0].explained:
             continue  # something closes the gap already, and this one is far behind
         one = refine(problem, base, candidate)
         if one is not None:
-            contenders.append(one)
-    contenders.sort(key=lambda c: c.cost)
-    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules))
+            found.append(one)
+    return found
+
+
+def _as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> bool:
+    """True where some fit keeps half of what its screen promised; else the screen was misled and the next are tried."""
+    left = max(base.rss - len(base.rows), 1.0)
+    share = [(base.rss - c.fit.rss) / left for c in contenders]
+    promised = [min(c.candidate.explained / max(screened.left, 1e-9), 1.0) for c in contenders]
+    return any(s > 0.5 * p for s, p in zip(share, promised))
 
 
 def _ground(problem: Problem, base: Fit) -> Fit:
@@ -243,7 +268,7 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
 
 def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_gap: float) -> Fit:
     """Name each earlier effect again, given the others."""
-    for k in range(len(now.point.effects) - 1):
+    for k in range(len(problem.model.effects), len(now.point.effects) - 1):
         effects = now.point.effects
         rest = tuple(x for i, x in enumerate(effects) if i != k)
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
@@ -255,15 +280,16 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
             if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
                 continue
             other = refine(problem, without, candidate, iterations=8)
-            if other is not None and other.cost < best - max(20, rules.practical * linear_gap):
+            if other is not None and other.cost < best - max(20, 0.1 * (now.rss - len(now.rows))):
                 now, best = other.fit, other.cost
     return now
 
 
 def _pruned(problem: Problem, now: Fit, rules: Rules) -> Fit:
     """Drop effects that the others have made unnecessary."""
-    for effect in now.point.effects:
-        if len(now.point.effects) < 2 or effect not in now.point.effects:
+    base = len(problem.model.effects)
+    for effect in now.point.effects[base:]:
+        if len(now.point.effects) < base + 2 or effect not in now.point.effects:
             continue
         rest = tuple(x for x in now.point.effects if x is not effect)
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)

@@ -21,7 +21,7 @@ class Thresholds:
     """
 
     left_rho: float = 1.5
-    left_share: float = 0.03
+    left_share: float = 0.05
     bare_rho: float = 1.6
     moved_rho: float = 1.3
     moved: tuple[float, float, float] = (0.05, 0.12, 0.05)

@@ -109,6 +109,16 @@ class Problem:
         return replace(self, traces=traces)
 
 
+def frequency_range(model: Model, trace: Trace) -> tuple[float, float]:
+    """(low, high) rad/s of the plant's own frequencies; of a free mass, from three per record to a tenth of Nyquist."""
+    squared = np.abs(np.linalg.eigvals(np.linalg.solve(model.mass, model.stiffness)))
+    omega = np.sqrt(squared)
+    low, high = 6 * np.pi / (trace.N * trace.h), 0.1 * np.pi / trace.h
+    if omega.max() < low:
+        return low, high
+    return max(float(omega.min()), low, 1e-3 * float(omega.max())), float(omega.max())
+
+
 def problem_of(model: Model, traces: tuple[Trace, ...]) -> Problem:
     """Entries that are free: the nominal's nonzero pattern, the diagonals, damping wherever a spring is."""
     M, D, K = model.mass, model.damping, model.stiffness

@@ -13,8 +13,8 @@ import numpy as np
 
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import force_along, free_response, seen
-from sysid_bench.gap.problem import Fit, Point, Problem
+from sysid_bench.gap.motion import force_along, free_response, responded, seen
+from sysid_bench.gap.problem import Fit, Point, Problem, frequency_range
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.effect import Effect, Seen, Suspect, direction
 from sysid_bench.mechanics.nonlinear import actuated, effect_channels, trajectory
@@ -69,6 +69,8 @@ class Basis:
 
 def theta_columns(problem: Problem, s: SeenMotion) -> np.ndarray:
     """(F, ny, ntheta) response to a unit change of each entry."""
+    if s.trace.taper is not None:
+        return _theta_in_time(problem, s)
     B = [s.trace.spectrum(x) for x in (s.a, s.v, s.q)]
     out = np.empty((s.trace.F, s.G.shape[1], len(problem.entries)), dtype=complex)
     for k, ((m, i, j), scale) in enumerate(zip(problem.entries, problem.scale)):
@@ -79,8 +81,21 @@ def theta_columns(problem: Problem, s: SeenMotion) -> np.ndarray:
     return out
 
 
+def _theta_in_time(problem: Problem, s: SeenMotion) -> np.ndarray:
+    motion, eye = (s.a, s.v, s.q), np.eye(problem.model.n)
+    columns = []
+    for (m, i, j), scale in zip(problem.entries, problem.scale):
+        column = responded(s, eye[i], motion[m][:, [j]])
+        if i != j:
+            column = column + responded(s, eye[j], motion[m][:, [i]])
+        columns.append(-scale * column)
+    return np.concatenate(columns, axis=2)
+
+
 def force_columns(s: SeenMotion, c: Array, forces: Array) -> np.ndarray:
     """(F, ny, m) response to forces (N, m) along c that the model lacks (they stand on the left-hand side)."""
+    if s.trace.taper is not None:
+        return -responded(s, c, forces)
     g = s.G[:, :, : len(c)] @ c
     return -g[:, :, None] * s.trace.spectrum(forces)[:, None, :]
 
@@ -228,7 +243,7 @@ def _whitened(problem: Problem, point: Point, s: SeenMotion):
     """(Z, r, G): complex whitened columns (F, ny, p), target (F, ny), response (F, ny, n) of one trace."""
     free = free_response(s.linear.assembly, s.trace, problem.model.output)
     own = np.concatenate([theta_columns(problem, s), _own_columns(problem, point, s)], axis=2)
-    w = s.trace.weight[:, None]
+    w = s.trace.weight[:, :, None]
     return free * w, own * w, s.left * s.trace.weight, s.G[:, :, : problem.model.n] * w
 
 
@@ -407,11 +422,11 @@ def sizes(problem: Problem, s: SeenMotion, c: Array, channel: int | None, search
     """What a suspect may know of its place."""
     x, v = s.q @ c, s.v @ c
     u = s.trace.u if channel is None else s.trace.u[:, [channel]]
-    omega = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(problem.model.mass, problem.model.stiffness))))
+    low, high = frequency_range(problem.model, s.trace)
     fastest = np.abs(np.diff(u, axis=0)).max() if len(u) else 0.0
     return Seen(
         float(x.std()), float(np.abs(x).max()), float(v.std()), float(u.std()), float(np.abs(u).max()),
-        float(fastest), s.trace.h, s.trace.N * s.trace.h, max(float(omega.min()), 1e-3 * float(omega.max())), float(omega.max()), search,
+        float(fastest), s.trace.h, s.trace.N * s.trace.h, low, high, search,
     )  # fmt: skip
 
 
@@ -453,8 +468,8 @@ def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place)
     x_rms = float((first.q @ c).std())
     if x_rms == 0:
         return []
-    omega = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(problem.model.mass, problem.model.stiffness))))
-    search = Search(problem, first, c, force, residual, omega.min(), omega.max())
+    low, high = frequency_range(problem.model, seens[0].trace)
+    search = Search(problem, first, c, force, residual, low, high)
     size = sizes(problem, first, c, None, search)
     taken = {(e.name, e.dof) for e in point.effects}
     suspects: list[tuple[Suspect, bool]] = []
@@ -492,15 +507,11 @@ def _not_here(name: str, place) -> bool:
 def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
     """Columns and makers of one more mode at a DOF, over a grid finer than the modes are wide."""
     kind = next(k for k in catalogue if k.name == "extra_mode")
-    omega = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(problem.model.mass, problem.model.stiffness))))
+    low, high = frequency_range(problem.model, seens[0].trace)
     grid = [
         (w, zeta)
         for zeta, spacing in ((0.02, 1.035), (0.08, 1.1))
-        for w in np.exp(
-            np.arange(
-                np.log(max(0.4 * omega.min(), 0.02 * omega.max())), np.log(2.2 * omega.max()), np.log(spacing)
-            )
-        )
+        for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
     ]
     blocks = []
     for s in seens:

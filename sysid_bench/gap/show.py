@@ -41,6 +41,7 @@ def gap_values(answer: Answer, thresholds, origin: dict[str, Any]) -> dict[str, 
         "residual_over_floor": {
             "nominal": answer.nominal_rho, "refit": answer.story.linear.rho, "final": answer.story.fit.rho,
         },
+        "force_gap": answer.force_gaps,
         "rounds": [round_values(r) for r in answer.story.rounds],
         "power": power_values(answer),
         "data": {"faults": [fault_values(f) for f in answer.check.faults], "remarks": answer.check.remarks},

@@ -5,7 +5,7 @@ Everything after this lives on the DFT bins of that band: a few hundred complex 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ SMOOTHING_BINS = 21
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One record: u (N, nu), y (N, ny), h s, good (N,) bool; F bins up to the band's end; weight (ny,)."""
+    """One record: u (N, nu), y (N, ny), h s, good (N,) bool; F bins up to the band's end; weight (F, ny); variance (ny,) of the noise."""
 
     u: Array
     y: Array
@@ -27,7 +27,9 @@ class Trace:
     hold: str
     period: int | None
     F: int = 0
-    weight: Array = field(default_factory=lambda: np.zeros(0))
+    weight: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    variance: Array = field(default_factory=lambda: np.zeros(0))
+    taper: Array | None = None  # (N,) brings residuals to zero at both ends, where a position may drift
     _stages: dict = field(default_factory=dict)
 
     @property
@@ -59,6 +61,8 @@ class Trace:
 
     def spectrum(self, x: Array) -> np.ndarray:
         """(F, ...) DFT of x (N, ...) in the band."""
+        if self.taper is not None:
+            x = x * self.taper.reshape(-1, *([1] * (x.ndim - 1)))
         return np.fft.rfft(x, axis=0)[: self.F]
 
     def signal(self, X: np.ndarray) -> Array:
@@ -69,7 +73,7 @@ class Trace:
 
     def rows(self, X: np.ndarray) -> Array:
         """(2 F ny, ...) whitened real rows of spectra (F, ny, ...): unit variance where X is measurement noise."""
-        W = X * self.weight.reshape(1, -1, *([1] * (X.ndim - 2)))
+        W = X * self.weight.reshape(*self.weight.shape, *([1] * (X.ndim - 2)))
         W = W.reshape(-1, *X.shape[2:])
         return np.concatenate([W.real, W.imag])
 
@@ -151,7 +155,5 @@ def banded(trace: Trace, variance: Array, end: float) -> Trace:
     """The trace with its band and weights set."""
     F = max(int(np.searchsorted(2 * np.pi * np.fft.rfftfreq(trace.N, trace.h), end)), 8)
     share = np.mean(trace.good)
-    weight = np.sqrt(2 / (trace.N * share)) / np.sqrt(variance)
-    return Trace(
-        trace.u, trace.y, trace.h, trace.t0, trace.good, trace.hold, trace.period, F, weight, trace._stages
-    )
+    weight = np.tile(np.sqrt(2 / (trace.N * share)) / np.sqrt(variance), (F, 1))
+    return replace(trace, F=F, weight=weight, variance=np.asarray(variance, dtype=float))

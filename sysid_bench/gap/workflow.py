@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import DataCheck, check_data
 from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
-from sysid_bench.gap.problem import Fit, Problem, evaluate, problem_of
+from sysid_bench.gap.force import admissible, floats, force_gap, in_force, with_offset
+from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import Screen, screen
@@ -36,7 +37,9 @@ class Answer:
     after: list[Proof]
     noise: Array
     last_screen: Screen | None = None
-    remarks: list[str] = field(default_factory=list)
+    force_gaps: dict[str, float] | None = (
+        None  # of a free mass: as given, refitted, better; on the test records
+    )
 
     @property
     def gap_before(self) -> float:
@@ -73,26 +76,42 @@ def find_gap(
     check = check_data(train)
     for remark in check.remarks:
         tell(remark)
-    model, faults = with_faults(model, check)
+    given = model
+    model, faults = with_faults(with_offset(model), check)
     problem, nominal_rho = prepared(train, model, check)
     tell(f"the model as given leaves {nominal_rho:.4g} times the noise floor")
     linear = linear_fit(problem)
     if linear is None:
         raise InputError("the model cannot be simulated on these records: its motion leaves every bound.")
     tell(f"other M, D, K leave {linear.rho:.4g} times")
-    catalogue = [effect_class(name) for name in names()] + list(own)
+    catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
     story = choose(problem, linear, catalogue, rules)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
     last = _final_screen(problem, story, catalogue) if power else None
-    before = [
-        prove(replace(model, effects=model.effects[: len(model.effects) - len(faults)]), r) for r in test
-    ]
+    before = [prove(given, r) for r in test]
     after = [prove(better, r) for r in test]
-    floor = np.mean([1 / t.weight**2 * 2 / (t.N * np.mean(t.good)) for t in problem.traces], axis=0)
-    return Answer(verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last)
+    floor = np.mean([t.variance for t in problem.traces], axis=0)
+    on_force = _on_the_force(problem, linear, given, better, test) if floats(model) else None
+    return Answer(
+        verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, on_force
+    )
+
+
+def _on_the_force(
+    problem: Problem, linear: Fit, given: Model, better: Model, test: list[Record]
+) -> dict[str, float]:
+    """Mean force gap over the test records of the given, the refitted linear and the better model."""
+    refitted = problem.at(linear.point.theta, linear.point.effects)
+    traces = []
+    for record in test:
+        trace = trace_of(record, given)
+        end = problem.traces[0].omega[-1]
+        traces.append(in_force(banded(trace, problem.traces[0].variance, end), problem))
+    models = {"given": given, "refitted": refitted, "better": better}
+    return {name: float(np.mean([force_gap(m, t) for t in traces])) for name, m in models.items()}
 
 
 def with_faults(model: Model, check: DataCheck) -> tuple[Model, tuple[Effect, ...]]:
@@ -121,10 +140,12 @@ def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Pro
         traces.append(trace_of(flagged, model))
     traces = tuple(traces)
     problem = problem_of(model, traces)
-    omega = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(model.mass, model.stiffness)))).max()
+    omega = max(frequency_range(model, t)[1] for t in traces)
     variance = _floor(problem, check.lattice)
-    end = max(band_end(t, variance, max(omega, 1e-3 / t.h)) for t in traces)
+    end = max(band_end(t, variance, omega) for t in traces)
     traces = tuple(banded(t, variance, end) for t in traces)
+    if floats(model):
+        traces = tuple(in_force(t, problem) for t in traces)
     problem = problem.on(traces)
     found = evaluate(problem, problem.nominal())
     return problem, float(found[0] @ found[0] / len(found[0])) if found is not None else np.inf
