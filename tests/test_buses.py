@@ -6,16 +6,24 @@ import select
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
-from rig_bench import rig_named
+from rig_bench import plant_named, rig_named, small_plan
 from rig_processes import free_port
 
 from sysid_bench.buses.serial_line import SerialLine
 from sysid_bench.buses.udp import Udp
 from sysid_bench.buses.virtual import Virtual
+from sysid_bench.emulator.hardware import Hardware
+from sysid_bench.emulator.process import Emulator
 from sysid_bench.frames.frame import Frame, bus_off
 from sysid_bench.frames.link import Link
+from sysid_bench.measure.drive import drive
+from sysid_bench.measure.limits import Watch
+from sysid_bench.measure.log import RunLog
+from sysid_bench.measure.session import Session
+from sysid_bench.records import read_record
 
 RIG, FD_RIG = rig_named("second_order"), rig_named("second_order_fd")
 
@@ -107,30 +115,50 @@ def test_nothing_leaves_the_machine_by_default() -> None:
         assert sock.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, 4) == socket.inet_aton("127.0.0.1")
 
 
-def test_a_whole_run_over_a_serial_line(tmp_path) -> None:
-    """Device and host in two threads of this process, an slcan adapter's framing between them."""
-    from rig_bench import plant_named, small_plan
+class Both:
+    """Device in a thread, host here, a link between them; `break_at` makes the host fail in mid-run."""
 
-    from sysid_bench.emulator.hardware import Hardware
-    from sysid_bench.emulator.process import Emulator
-    from sysid_bench.measure.drive import drive
-    from sysid_bench.measure.limits import Watch
-    from sysid_bench.measure.log import RunLog
-    from sysid_bench.measure.session import Session
+    def __init__(self, kind: str, folder: Path, pace: float = 1.0, break_at: int | None = None) -> None:
+        rig = rig_named("second_order_1")
+        with pair(kind) as (host, device):
+            host.pace = device.pace = pace
+            self.emulator = Emulator(rig, plant_named("one_dof"), Hardware(), [], device, None)
+            done = threading.Event()
+            thread = threading.Thread(target=self.emulator.run, args=(done.is_set,), daemon=True)
+            thread.start()
+            plan = small_plan(rig, 300)
+            log = RunLog(folder / "run.mcap", rig, plan, {"hold": "zoh"}, {}, {})
+            self.session = Session(rig, plan, Watch(rig, None), 2.0, log, host.name)
+            if break_at is not None:
+                self._break(break_at)
+            self.reason = drive(self.session, host, log)
+            done.set()
+            thread.join()
+            log.close()
 
-    rig = rig_named("second_order_1")
-    with pair("slcan") as (host, device):
-        host.pace = device.pace = 0.2
-        emulator = Emulator(rig, plant_named("one_dof"), Hardware(), [], device, None)
-        done = threading.Event()
-        thread = threading.Thread(target=emulator.run, args=(done.is_set,), daemon=True)
-        thread.start()
-        plan = small_plan(rig, 300)
-        log = RunLog(tmp_path / "run.mcap", rig, plan, {"hold": "zoh"}, {}, {})
-        session = Session(rig, plan, Watch(rig, None), 2.0, log, host.name)
-        reason = drive(session, host, log)
-        done.set()
-        thread.join()
-        log.close()
-    assert reason is None and session.done
-    assert session.samples.counts["lost"] == session.samples.counts["corrupted"] == 0
+    def _break(self, sample: int) -> None:
+        step = self.session.step
+
+        def failing(now: float) -> list[Frame]:
+            if self.session.samples.newest >= sample:
+                raise ZeroDivisionError("a bug in the host")
+            return step(now)
+
+        self.session.step = failing  # type: ignore[method-assign]
+
+
+def test_a_whole_run_over_a_serial_line(tmp_path: Path) -> None:
+    run = Both("slcan", tmp_path, pace=0.2)
+    assert run.reason is None and run.session.done
+    assert run.session.samples.counts["lost"] == run.session.samples.counts["corrupted"] == 0
+
+
+def test_a_failing_host_stops_the_device_before_anything_else(tmp_path: Path) -> None:
+    run = Both("virtual", tmp_path, break_at=100)
+    assert (
+        run.reason == "ZeroDivisionError: a bug in the host"
+    )  # and no word of a stop that was not confirmed
+    assert (run.emulator.device.state, run.emulator.device.fault) == ("fault", "emergency_stop")
+    assert not run.emulator.device.force.any()
+    record = read_record(tmp_path / "run.mcap")
+    assert 80 < record.N < 300
