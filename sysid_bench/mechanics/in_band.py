@@ -107,7 +107,7 @@ def band_edge(data: Spectra) -> int:
     if not np.all(np.ptp(data.y, axis=0) > 0):
         raise NotApplicable(f"output channel {int(np.argmin(np.ptp(data.y, axis=0)))} never moves.")
     floor, width = noise_floor(data.Y), SMOOTH
-    for _ in range(3):
+    for _ in range(2):
         edge = _edge(data.Y, floor, width)
         width = int(np.clip(edge // 6, SMOOTH, 4 * SMOOTH))
         floor = power_above(data, edge, floor)
