@@ -10,7 +10,7 @@ PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: rig test-socketcan setup sweep sweep-full papers smoke test check check-full lint types bench lock clean help
+.PHONY: rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -33,6 +33,10 @@ sweep-full: ## the same with 200 and 100 runs per point (under 90 minutes)
 
 papers: $(READY) ## docs/papers.md from the results of `make sweep`
 	$(BIN)/sysid-bench papers results_dir=$(RESULTS) out=docs/papers.md
+
+leaderboard: $(READY) ## every method against the Cramer-Rao bound: docs/leaderboard.md
+	$(BIN)/sysid-bench sweep experiment=at_the_bound/leaderboard results_dir=$(RESULTS) scale=$(SCALE)
+	$(BIN)/python -m sysid_bench.views.leaderboard $(RESULTS) docs/leaderboard.md
 
 smoke: $(READY) ## all methods on all plants in about 20 s
 	$(BIN)/sysid-bench sweep experiment=smoke results_dir=$(RESULTS)

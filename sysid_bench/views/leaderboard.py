@@ -42,7 +42,10 @@ def leaderboard(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def _table(rows: Sequence[dict[str, Any]], steps: Sequence[float]) -> str:
-    lines = ["| method | " + " | ".join(f"h = {h:g} s" for h in steps) + " | ms |", "|---" * (len(steps) + 2) + "|"]
+    lines = [
+        "| method | " + " | ".join(f"h = {h:g} s" for h in steps) + " | ms |",
+        "|---" * (len(steps) + 2) + "|",
+    ]
     lines.append("| *bound* | " + " | ".join("1 / 1 / 1" for _ in steps) + " | |")
     named = {name: [row for row in rows if row["method"] == name] for name in {row["method"] for row in rows}}
     for name, own in sorted(named.items(), key=lambda item: _worst(item[1])):
@@ -89,7 +92,10 @@ def main(arguments: Sequence[str]) -> int:
     results, page = (Path(a) for a in arguments)
     table = results / STUDY / "table.parquet"
     if not table.exists():
-        print(f"{table} is missing: run `sysid-bench sweep experiment=at_the_bound/leaderboard` first.", file=sys.stderr)
+        print(
+            f"{table} is missing: run `sysid-bench sweep experiment=at_the_bound/leaderboard` first.",
+            file=sys.stderr,
+        )
         return 2
     page.write_text(leaderboard(rows_of(table)))
     return 0
