@@ -35,7 +35,7 @@ class SerialLine:
         options: dict[str, Any] = {"interface": "serial", "baudrate": self.baudrate_bps}
         if self.framing == "slcan":
             if rig.bitrate_bps not in SLCAN_BPS:
-                raise InputError(f"wrong bit-rate: slcan has no {rig.bitrate_bps:g} bit/s.")
+                raise InputError(f"wrong bit-rate: slcan has no {rig.bitrate_bps:.0f} bit/s.")
             options = {
                 "interface": "slcan", "tty_baudrate": self.baudrate_bps, "bitrate": int(rig.bitrate_bps),
                 "sleep_after_open": 0,

@@ -49,13 +49,13 @@ class SocketCan:
         flags = int(Path(f"/sys/class/net/{self.channel}/flags").read_text(), 16)
         if not flags & 1:
             raise InputError(
-                f"bus.channel={self.channel} is down; `ip link set up {self.channel} type can bitrate {rig.bitrate_bps:g}`."
+                f"bus.channel={self.channel} is down; `ip link set up {self.channel} type can bitrate {rig.bitrate_bps:.0f}`."
             )
         found = _bitrate(self.channel)
         if found is not None and found != rig.bitrate_bps:
             raise InputError(
-                f"wrong bit-rate: {self.channel} runs at {found} bit/s, rig {rig.name} wants {rig.bitrate_bps:g}. "
-                f"`ip link set {self.channel} down && ip link set {self.channel} up type can bitrate {rig.bitrate_bps:g}`."
+                f"wrong bit-rate: {self.channel} runs at {found} bit/s, rig {rig.name} wants {rig.bitrate_bps:.0f}. "
+                f"`ip link set {self.channel} down && ip link set {self.channel} up type can bitrate {rig.bitrate_bps:.0f}`."
             )
 
 

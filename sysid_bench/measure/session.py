@@ -17,7 +17,7 @@ from sysid_bench.measure.limits import Stopped, Watch
 from sysid_bench.measure.samples import Assembler, Sample
 from sysid_bench.nouns import InputError
 
-ANSWER_S = 2.0
+ANSWER_S = 1.2
 OBEY_S = 1.5
 REPEAT_S = 0.1
 
@@ -153,7 +153,7 @@ class Session:
             seen = f"{self.samples.counts['corrupted']} frames with a wrong checksum"
         return (
             f"rig {self.rig.name} does not answer on {self._where}: {seen} in {ANSWER_S:g} s; wanted "
-            f"{self.rig.state['message']}. Is it on, on this bus, at {self.rig.bitrate_bps:g} bit/s, and the right DBC?"
+            f"{self.rig.state['message']}. Is it on, on this bus, at {self.rig.bitrate_bps:.0f} bit/s, and the right DBC?"
         )
 
     def _ask(self, word: str, wanted: str, then: str, now: float) -> list[Frame]:
