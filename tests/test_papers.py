@@ -10,7 +10,13 @@ from sysid_bench import conf, plan, studies
 from sysid_bench.__main__ import main
 from sysid_bench.build import build
 from sysid_bench.nouns import InputError, Sampling
-from sysid_bench.papers import bruschetta_2011, bruschetta_2011_theory, kapucu_baysec_1997, misprints
+from sysid_bench.papers import (
+    bruschetta_2011,
+    bruschetta_2011_theory,
+    kapucu_baysec_1997,
+    misprints,
+    possible,
+)
 from sysid_bench.papers.claims import CONFIRMED, PARTLY, REFUTED, number, percent, word
 from sysid_bench.papers.evidence import PAPERS as STUDIES
 from sysid_bench.papers.evidence import Table, Tables, command
@@ -123,6 +129,13 @@ def test_window_wants_no_failures_and_a_clear_gain():
 def test_medians_count_missing_estimates_as_infinitely_wrong():
     table = tables(fig2_5={"x": [1.0, 2.0, np.nan, np.nan, np.nan]})["fig2_5"]
     assert table.median("x") == np.inf
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(1.0, CONFIRMED), (1.4, REFUTED), (np.nan, REFUTED)])
+def test_the_bound_is_missed_by_a_large_error_and_by_a_missing_one(ratio, expected):
+    columns = {"method": ["spline_ml"] * 4, "sampling__h_s": [0.1] * 4, "status": ["ok"] * 4}
+    columns |= {f"{X}_over_bound": [1.0, 1.0, 1.0, 1.0] for X in "MK"} | {"D_over_bound": [ratio] * 4}
+    assert possible.on_the_bound(tables(fig5_2_5=columns, fig5_6_9=columns)).word == expected
 
 
 def coefficient_table(a1):
