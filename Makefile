@@ -10,7 +10,7 @@ PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
+.PHONY: gap rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -50,6 +50,9 @@ check: $(READY) ## statistical checks, minutes
 
 rig: $(READY) ## emulator, measurement over a loopback bus, log, identification, M, D, K against the plant (2 minutes)
 	$(BIN)/sysid-bench rig out=$(RESULTS)/rig
+
+gap: $(READY) ## a hidden effect in the emulated rig, measured over CAN, named blind, then the seal opened (3 minutes)
+	$(BIN)/python experiments/hidden_effects/blind.py --out $(RESULTS)/gap
 
 test-socketcan: $(READY) ## device and host over a real SocketCAN kernel, candump as witness (minutes; says what to install)
 	$(BIN)/python -m pytest -rs tests/socketcan

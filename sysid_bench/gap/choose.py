@@ -280,7 +280,11 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
             if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
                 continue
             other = refine(problem, without, candidate, iterations=8)
-            if other is not None and other.cost < best - max(20, 0.1 * (now.rss - len(now.rows))):
+            if other is None:
+                continue
+            margin = max(20, 0.1 * (now.rss - len(now.rows)))
+            simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
+            if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
                 now, best = other.fit, other.cost
     return now
 
