@@ -154,7 +154,9 @@ def _finished(run: Run, session: Session, log: RunLog, reason: str | None, cpu_s
         )
     )
     log.close()
-    _, verdict = rewrite(run.out, run.out, {"frames": counts, "stopped": reason, "host_cpu_s": cpu_s})
+    _, verdict = rewrite(
+        run.out, run.out, {"frames": counts, "stopped": reason, "host_cpu_s": cpu_s}, log.written
+    )
     if reason:
         print(f"sysid-bench measure: stopped: {reason}. Log: {run.out}", file=sys.stderr)
     if verdict is not None:

@@ -32,6 +32,11 @@ class Scan:
     messages: int = 0
     broken: str | None = None
 
+    def add(self, sample: Any) -> None:
+        """Take one sample message of the record."""
+        for descriptor in sample.DESCRIPTOR.fields:
+            self.columns.setdefault(descriptor.name, []).append(getattr(sample, descriptor.name))
+
 
 def items(path: Path) -> Iterator[Any]:
     """MCAP records of a file up to its end or its damage."""
@@ -65,23 +70,21 @@ def scan(path: Path) -> Scan:
             found.messages += 1
             topic, message = channels[item.channel_id]
             if topic == "/record" and "host_s" in message.DESCRIPTOR.fields_by_name:
-                _add(found.columns, message.FromString(item.data))
+                found.add(message.FromString(item.data))
     if not channels:
         raise InputError(f"{path}: nothing to recover; it ends before its first sample.")
     return found
 
 
-def _add(columns: dict[str, list[float]], sample: Any) -> None:
-    for descriptor in sample.DESCRIPTOR.fields:
-        columns.setdefault(descriptor.name, []).append(getattr(sample, descriptor.name))
-
-
-def rewrite(path: Path, out: Path, extra_origin: Mapping[str, Any]) -> tuple[Scan, Verdict | None]:
+def rewrite(
+    path: Path, out: Path, extra_origin: Mapping[str, Any], known: Scan | None = None
+) -> tuple[Scan, Verdict | None]:
     """Write a clean file of all that is readable in `path`; samples of a rig get their times, flags and verdict.
 
-    Raises InputError where nothing is readable. `out` may be `path`.
+    `known` spares a first reading where the writer still knows what it wrote. `out` may be `path`.
+    Raises InputError where nothing is readable.
     """
-    found = scan(path)
+    found = known or scan(path)
     origin = json.loads(found.attachments.pop(ORIGIN, b"{}")) | dict(extra_origin)
     table, verdict = None, None
     if len(found.columns.get("k", ())) >= 2 and "judged_by" in origin:

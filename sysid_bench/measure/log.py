@@ -16,12 +16,14 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from sysid_bench.files.disk import json_text
 from sysid_bench.frames.codec import Decoded
 from sysid_bench.frames.frame import Frame
 from sysid_bench.measure.commands import Commands
+from sysid_bench.measure.finish import Scan
 from sysid_bench.measure.samples import Sample
 from sysid_bench.nouns import Array
-from sysid_bench.records.mcap_write import describe, register, sample_class
+from sysid_bench.records.mcap_write import ORIGIN, describe, register, sample_class
 from sysid_bench.records.protobuf import message_class
 
 CHUNK_BYTES = 64 * 1024
@@ -62,6 +64,8 @@ class RunLog:
         )
         self._writer.start(profile="", library="sysid_bench")
         describe(self._writer, properties, origin, attachments)
+        files = {name: data.encode() if isinstance(data, str) else data for name, data in attachments.items()}
+        self.written = Scan({}, dict(properties), {**files, ORIGIN: json_text(origin).encode()})
         self._sample = sample_message(rig)
         self._messages = {topic: message_class(*spec) for topic, spec in TOPICS.items()}
         self._channels = {topic: register(self._writer, topic, m) for topic, m in self._messages.items()}
@@ -126,13 +130,7 @@ class RunLog:
 
     def _write(self, stamp: int, topic: str | None, content: Any) -> None:
         if topic is None:
-            if self._viewer:
-                self._viewer.sample(content)
-            inside = self._plan.first <= content.k < self._plan.first + self._plan.N
-            topic, message = (
-                (RECORD if inside else OUTSIDE),
-                pack_sample(self._sample, content, self._rig.rate_hz),
-            )
+            topic, message = self._sampled(content)
         elif topic == "/can":
             frame, sent = content
             message = self._messages[topic](
@@ -146,6 +144,16 @@ class RunLog:
         else:
             message = self._messages[topic](**content)
         self._writer.add_message(self._channels[topic], stamp, message.SerializeToString(), stamp)
+
+    def _sampled(self, sample: Sample) -> tuple[str, Any]:
+        """Topic and message of a sample; those of the record are kept for the judge, too."""
+        if self._viewer:
+            self._viewer.sample(sample)
+        message = pack_sample(self._sample, sample, self._rig.rate_hz)
+        if not self._plan.first <= sample.k < self._plan.first + self._plan.N:
+            return OUTSIDE, message
+        self.written.add(message)
+        return RECORD, message
 
     def _sync(self) -> None:
         self._file.flush()
