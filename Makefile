@@ -10,7 +10,7 @@ PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_b
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: gap rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
+.PHONY: docs gap rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -57,6 +57,10 @@ gap: $(READY) ## a hidden effect in the emulated rig, measured over CAN, named b
 test-socketcan: $(READY) ## device and host over a real SocketCAN kernel, candump as witness (minutes; says what to install)
 	$(BIN)/python -m pytest -rs tests/socketcan
 
+docs: $(READY) ## the documentation's site in site/, every link checked
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-docs.lock
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 lint: $(READY) ## ruff
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -67,9 +71,10 @@ types: $(READY) ## pyright
 bench: $(READY) ## every benchmark, ratios with medians
 	@set -e; for file in benchmarks/*.py; do echo "== $$file"; $(BIN)/python $$file; done
 
-lock: ## requirements.lock from pyproject.toml: pinned, hashed, no addresses
+lock: ## requirements.lock and requirements-docs.lock from pyproject.toml: pinned, hashed, no addresses
 	$(BIN)/python -m uv --version >/dev/null 2>&1 || $(BIN)/python -m pip install --quiet uv
 	$(BIN)/python -m uv pip compile --quiet --universal --generate-hashes --no-header --extra dev pyproject.toml -o requirements.lock
+	$(BIN)/python -m uv pip compile --quiet --universal --generate-hashes --no-header --extra docs -c requirements.lock pyproject.toml -o requirements-docs.lock
 
 clean: ## the environment and all results but the reference
-	rm -rf $(VENV) build dist; find results -mindepth 1 -maxdepth 1 ! -name reference -exec rm -rf {} +
+	rm -rf $(VENV) build dist site; find results -mindepth 1 -maxdepth 1 ! -name reference -exec rm -rf {} +

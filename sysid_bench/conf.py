@@ -137,6 +137,7 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
     from hydra.errors import HydraException
     from omegaconf import OmegaConf, open_dict
     from omegaconf.errors import OmegaConfBaseException
+    from yaml import YAMLError
 
     where = home()
     overrides = list(overrides)
@@ -149,7 +150,7 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
             with open_dict(cfg):
                 del cfg["hydra"]
             plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
-    except (HydraException, OmegaConfBaseException, ValueError, TypeError, KeyError) as problem:
+    except (HydraException, OmegaConfBaseException, YAMLError, ValueError, TypeError, KeyError) as problem:
         raise InputError(_one_message(name or "option", problem)) from None
     assert isinstance(plain, dict) and isinstance(choices, dict)
     own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}

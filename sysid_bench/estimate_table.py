@@ -40,7 +40,8 @@ def _title(name: str, std: Array | None) -> str:
 
 def _grid(name: str, value: Array, std: Array | None) -> Table:
     """A matrix as a matrix: value ± half-width."""
-    table = Table(title=_title(name, std), title_justify="left", show_header=False)
+    title = _title(name, std)
+    table = Table(title=title, title_justify="left", show_header=False, min_width=len(title))
     for i, row in enumerate(value):
         table.add_row(*[_interval(x, None if std is None else std[i, j]) for j, x in enumerate(row)])
     return table
