@@ -39,7 +39,7 @@ def definite_parameters(n: int) -> Parameters:
 
 
 def factor(theta: Array, n: int) -> Array:
-    """phi of the definite matrices nearest to theta's."""
+    """phi (ntheta,) of the definite matrices nearest to those of theta (ntheta,)."""
     rows, cols = np.tril_indices(n)
     parts = []
     for X in unpack(theta, n):

@@ -46,6 +46,8 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
+    """A maximum of the likelihood, with the problem and the runs that it answers."""
+
     problem: Problem
     runs: list[Run]
     maximum: Maximum

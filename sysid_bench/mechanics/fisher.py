@@ -92,7 +92,7 @@ def significant_start(information: Array, shadow: Array, nx: int) -> Array | Non
 
 
 def inverse_information(information: Array) -> Array:
-    """Its inverse, scaled first. Raises LinAlgError where a direction is not seen by the record."""
+    """Inverse of an information (ntheta, ntheta), scaled first. Raises LinAlgError where a direction is not seen by the record."""
     scale = np.sqrt(np.diag(information))
     if not np.all(np.isfinite(scale)) or np.any(scale == 0):
         raise np.linalg.LinAlgError("some parameter has no influence on the output")

@@ -35,7 +35,7 @@ def hankel(z: Array, s: int) -> Array:
 
 
 def order_rows(nu: int, ny: int, i: int) -> Array:
-    """Rows of the 2 i blocks of [u y] in the order future inputs, past inputs, past outputs, future outputs."""
+    """(2 i (nu + ny),) rows of the 2 i blocks of [u y] in the order future inputs, past inputs, past outputs, future outputs."""
     rows = np.arange(2 * i * (nu + ny)).reshape(2 * i, nu + ny)
     parts = (rows[i:, :nu], rows[:i, :nu], rows[:i, nu:], rows[i:, nu:])
     return np.concatenate([part.ravel() for part in parts])
@@ -55,7 +55,7 @@ def triangular_factor(z: Array, order: Array, s: int, gram: Array | None = None)
 
 
 def safe_cholesky(G: Array) -> Array | None:
-    """Cholesky factor, or None where a pivot is so small against its row that half of the digits are lost."""
+    """Cholesky factor (k, k), or None where a pivot is so small against its row that half of the digits are lost."""
     try:
         R = np.linalg.cholesky(G)
     except np.linalg.LinAlgError:

@@ -48,6 +48,7 @@ class InverseFilter:
 
 
 def inverse_filter(equation: DifferenceEquation) -> InverseFilter:
+    """1 / A(q) of the equation in partial fractions, poles outside the unit circle mirrored into it."""
     ny = equation.a.shape[1]
     p, V = separated_eig(equation.companion)
     p = np.where(np.abs(p) < 1, p, 1 / np.where(p == 0, 1, p).conj())

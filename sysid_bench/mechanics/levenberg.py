@@ -36,6 +36,8 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
+    """Where the search ended, and after how many iterations."""
+
     point: Point
     iterations: int
 

@@ -71,6 +71,8 @@ class Fitted:
 
 @dataclass(frozen=True, eq=False)
 class Point:
+    """The likelihood at theta (ntheta,): the modes there, each run's fit, the cost."""
+
     theta: Array
     modes: Modes
     runs: tuple[Fitted, ...]

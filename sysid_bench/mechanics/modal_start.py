@@ -23,7 +23,7 @@ Complex = NDArray[np.complex128]
 
 
 def modal_start(data: Spectra, maps: Maps, F: int, per_period: float = 8.0) -> Array:
-    """theta from modes. Raises NotApplicable where sensors and forces together do not see every degree of
+    """theta (ntheta,) from modes. Raises NotApplicable where sensors and forces together do not see every degree of
     freedom, Diverged where the modes found do not make a mechanical system."""
     ny, nu = len(maps.C), maps.L.shape[1]
     if ny + nu <= maps.n or np.linalg.matrix_rank(np.vstack([maps.C, maps.L.T])) < maps.n:

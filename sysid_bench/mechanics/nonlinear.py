@@ -230,7 +230,7 @@ def trajectory(
 
 
 def hidden_start(assembly: Assembly, x0: Array) -> Array:
-    """x0 of the own DOFs, completed: hidden masses rest on what carries them."""
+    """x0 (2 n_own,) of the own DOFs, completed to (2 n,): hidden masses rest on what carries them."""
     n, own = assembly.n, assembly.n_own
     if len(x0) == 2 * n:
         return np.asarray(x0, dtype=float)

@@ -34,7 +34,7 @@ class _Pairing(NamedTuple):
 
 @lru_cache(maxsize=64)
 def upper(n: int) -> tuple[Array, Array]:
-    """Rows and columns of the upper triangle by rows, as theta has them."""
+    """Rows and columns, (n (n + 1)/2,) each, of the upper triangle by rows, as theta has them."""
     return np.triu_indices(n)
 
 

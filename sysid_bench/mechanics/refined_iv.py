@@ -26,7 +26,7 @@ FLOOR = (
 
 
 def definite(X: Array, floor: float = FLOOR) -> Array:
-    """The symmetric matrix with eigenvalues not below `floor` of the largest magnitude."""
+    """The symmetric (n, n) matrix with eigenvalues not below `floor` of the largest magnitude."""
     values, vectors = np.linalg.eigh(X)
     return (vectors * np.maximum(values, floor * np.abs(values).max())) @ vectors.T
 

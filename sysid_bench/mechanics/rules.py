@@ -44,7 +44,7 @@ class Rule:
 
 
 def exponential_step(A: Array, B: Array, h: float, degree: int) -> tuple[Array, Array]:
-    """One matrix exponential of [x; u; u'; ...]: exact for polynomials in time, A singular or defective."""
+    """Ad (nx, nx), Bd (degree + 1, nx, nu) from one exponential of [x; u; u'; ...]: A may be singular or defective."""
     nx, nu = B.shape
     size = nx + nu * (degree + 1)
     generator = np.zeros((size, size))
@@ -56,6 +56,7 @@ def exponential_step(A: Array, B: Array, h: float, degree: int) -> tuple[Array, 
 
 
 def exponential_functions(z: Complex, degree: int) -> Complex:
+    """exp(z) and p! phi_{p+1}(z), p = 0 .. degree: (degree + 2, *z.shape)."""
     values = phi(z, degree + 1)
     return np.array([values[0], *(factorial(p) * values[p + 1] for p in range(degree + 1))])
 

@@ -82,7 +82,7 @@ def state_space(
 
 
 def pole_order(poles: Complex) -> NDArray[np.intp]:
-    """Indices that sort by magnitude, then real part; of a pair the positive imaginary part first."""
+    """Indices (k,) that sort by magnitude, then real part; of a pair the positive imaginary part first."""
     scale = np.abs(poles).max(initial=0) or 1.0
     return np.lexsort((-poles.imag, poles.real, np.round(np.abs(poles) / scale, 9)))
 

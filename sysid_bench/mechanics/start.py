@@ -26,7 +26,7 @@ SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better 
 def starts(
     runs: list[Run], free: NDArray[np.bool_], known: Array, guess: Array | None, whole_band: bool
 ) -> Iterator[Callable[[], Array]]:
-    """Functions that return theta, or raise Diverged or NotApplicable."""
+    """Functions that return theta (ntheta,), or raise Diverged or NotApplicable."""
     yield lambda: refined_start(runs, free, linear_start(runs, free, known))
     yield lambda: linear_start(runs, free, known)
     if whole_band:
@@ -41,7 +41,7 @@ def _from_modes(run: Run, free: NDArray[np.bool_], known: Array, per_period: flo
 
 
 def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Array:
-    """theta by equation-error least squares over all runs, entries that are not free kept at `known`.
+    """theta (ntheta,) by equation-error least squares over all runs, entries that are not free kept at `known`.
 
     Raises NotApplicable where not every degree of freedom has its own sensor.
     """
@@ -55,7 +55,7 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
 
 
 def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
-    """theta after instrumental-variable steps, as long as the likelihood gains from them; all entries free only."""
+    """theta (ntheta,) after instrumental-variable steps, as long as the likelihood gains from them; all entries free only."""
     if len(runs) > 1 or not free.all():
         return theta
     run, cost = runs[0], _cost(theta, runs)
