@@ -5,12 +5,13 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
 RESULTS ?= results
 SCALE  ?= normal
+JOBS   ?= 2
 PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_baysec_1997/*.yaml experiments/bruschetta_2011/*.yaml)))
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: docs gap rig test-socketcan setup sweep sweep-full papers leaderboard smoke test check check-full lint types bench lock clean help
+.PHONY: docs gap rig test-socketcan setup sweep sweep-full papers figures leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -38,11 +39,15 @@ leaderboard: $(READY) ## every method against the Cramer-Rao bound: docs/leaderb
 	$(BIN)/sysid-bench sweep experiment=at_the_bound/leaderboard results_dir=$(RESULTS) scale=$(SCALE)
 	$(BIN)/python -m sysid_bench.views.leaderboard $(RESULTS) docs/leaderboard.md
 
+figures: $(READY) ## the README's figures from the results of `make sweep`
+	@mkdir -p docs/figures
+	cp $(RESULTS)/bruschetta_2011/fig5_2_5/figures/fig5_2_5.png docs/figures/readme.png
+
 smoke: $(READY) ## all methods on all plants in about 20 s
 	$(BIN)/sysid-bench sweep experiment=smoke results_dir=$(RESULTS)
 
 test: $(READY) ## the tests and the exact regression check
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" -n $(JOBS)
 	$(BIN)/sysid-bench check
 
 check: $(READY) ## statistical checks, minutes

@@ -63,33 +63,29 @@ class Study:
 def tasks(study: Study) -> Iterator[Task]:
     """The grid of a study, record by record, in the order of its axes; repetitions innermost."""
     groups, solver_group = KINDS[study.kind]
-    is_solver = {key: key.split(".")[0] == solver_group for key in study.axes}
-    cases = study.cases or ({},)
-    record_axes = {k: v for k, v in study.axes.items() if not is_solver[k]}
-    solver_axes = {k: v for k, v in study.axes.items() if is_solver[k]}
-    if solver_group not in study.base and solver_group not in solver_axes:
+    named = solver_group in study.base or solver_group in study.axes
+    if not named and not all(solver_group in case for case in study.cases or ({},)):
         raise InputError(f"a study of kind {study.kind} needs {solver_group}=...")
-    for case in cases:
-        for values in itertools.product(*record_axes.values()):
-            point = {**case, **dict(zip(record_axes, values))}
-            solver_point = {k: v for k, v in point.items() if k.split(".")[0] == solver_group}
-            record_point = {k: v for k, v in point.items() if k not in solver_point}
-            chosen = _choose(study, record_point, groups)
-            solvers = _solvers(study, solver_axes, solver_point, solver_group)
-            for repetition in range(study.repetitions):
-                task = _task(study, chosen, record_point, solvers, repetition)
-                if task.cells:
-                    yield task
+    for point, solver_points in _points(study, solver_group):
+        chosen = _choose(study, point, groups)
+        solvers = [(_choose(study, p, (solver_group,))[solver_group], p) for p in solver_points]
+        for repetition in range(study.repetitions):
+            task = _task(study, chosen, point, solvers, repetition)
+            if task.cells:
+                yield task
 
 
-def _solvers(
-    study: Study, axes: Mapping[str, Sequence[Any]], fixed: Mapping[str, Any], group: str
-) -> list[tuple[Option, dict[str, Any]]]:
-    found = []
-    for values in itertools.product(*axes.values()):
-        point = {**fixed, **dict(zip(axes, values))}
-        found.append((_choose(study, point, (group,))[group], point))
-    return found
+def _points(study: Study, solver_group: str) -> list[tuple[dict[str, Any], list[dict[str, Any]]]]:
+    """Points of the grid that decide a record, each with the points of its solvers: cases that differ only in
+    the solver share their records."""
+    found: dict[str, tuple[dict[str, Any], list[dict[str, Any]]]] = {}
+    for case in study.cases or ({},):
+        for values in itertools.product(*study.axes.values()):
+            point = {**case, **dict(zip(study.axes, values))}
+            solver = {k: v for k, v in point.items() if k.split(".")[0] == solver_group}
+            record = {k: v for k, v in point.items() if k not in solver}
+            found.setdefault(text_of(record), (record, []))[1].append(solver)
+    return list(found.values())
 
 
 def _choose(study: Study, point: Mapping[str, Any], groups: Sequence[str]) -> dict[str, Option]:

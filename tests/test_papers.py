@@ -196,7 +196,7 @@ def test_least_squares_falls_where_predicted():
 def test_studies_expand_and_are_named_as_their_files(experiment):
     cfg = conf.compose("sweep", [f"experiment={experiment}"])
     study = studies.study_of(cfg)
-    assert study.name == experiment.split("/")[-1] and study.question.endswith("?")
+    assert study.name == experiment and study.question.endswith("?")
     cells = Counter(cell.labels["plant"] for task in plan.tasks(study) for cell in task.cells)
     assert cells
     full = studies.study_of(conf.compose("sweep", [f"experiment={experiment}", "scale=full"]))

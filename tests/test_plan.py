@@ -74,6 +74,13 @@ def test_cases_set_several_keys_at_once() -> None:
     assert [(t.labels["sampling.h_s"], t.labels["noise.snr_db"]) for t in found] == [(1.0, 8.0), (0.5, 20.0)]
 
 
+def test_cases_that_differ_in_the_method_share_their_records() -> None:
+    cases = [{"method": "one"}, {"method": "two", "method.horizon": 20}]
+    found = list(tasks(study(cases=cases, axes={"sampling.h_s": [0.1, 0.2]}, repetitions=1)))
+    assert [len(task.cells) for task in found] == [2, 2]
+    assert len({cell.key for task in found for cell in task.cells}) == 4
+
+
 def test_only_keeps_the_part_asked_for() -> None:
     only = {"method": "two", "sampling.h_s": "0.1", "repetition": "1"}
     found = [cell for task in tasks(study(only=only)) for cell in task.cells]

@@ -77,14 +77,17 @@ class Tables:
 
     def __getitem__(self, study: str) -> Table:
         if study not in self._read:
-            path = self.folder / study / "table.parquet"
+            path = self._path(study)
             if not path.is_file():
                 raise InputError(f"{path} is missing; make it with: {command(study)}")
             self._read[study] = Table(study, read_table(path))
         return self._read[study]
 
     def missing(self, studies: list[str]) -> list[str]:
-        return [s for s in studies if not (self.folder / s / "table.parquet").is_file()]
+        return [s for s in studies if not self._path(s).is_file()]
+
+    def _path(self, study: str) -> Path:
+        return self.folder / experiment(study) / "table.parquet"
 
 
 def slope(table: Table, name: str, along: str, low: float, high: float) -> float:
@@ -103,10 +106,15 @@ PAPERS = {
 }  # fmt: skip
 
 
+def experiment(study: str) -> str:
+    """folder/name of a study, as `experiment=` takes it and as its results folder is called."""
+    folder = next(paper for paper, studies in PAPERS.items() if study in studies)
+    return f"{folder}/{study}"
+
+
 def command(study: str) -> str:
     """The command line that makes a study's table."""
-    folder = next(paper for paper, studies in PAPERS.items() if study in studies)
-    return f"sysid-bench sweep experiment={folder}/{study}"
+    return f"sysid-bench sweep experiment={experiment(study)}"
 
 
 def _equal(values: np.ndarray, wanted: Any) -> np.ndarray:
