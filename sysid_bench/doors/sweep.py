@@ -50,7 +50,7 @@ def main(cfg: dict[str, Any]) -> int:
 
         write_views(folder)
         write_index(cfg["results_dir"])
-    _say(folder)
+    _say(folder, study.name)
     return 0
 
 
@@ -167,10 +167,10 @@ def write_results(folder: Path, store: Store, order: tuple[str, ...], study: pla
     write_csv(summary(table, [key for key in axes if "." in key]), folder / "summary.csv")
 
 
-def _say(folder: Path) -> None:
+def _say(folder: Path, name: str) -> None:
     statuses = Counter(read_table(folder / "table.parquet")["status"])
     counts = ", ".join(f"{count} {status}" for status, count in statuses.most_common())
     report = folder / "report.html"
-    print(f"{folder.name}: {counts}. {report if report.exists() else folder / 'summary.csv'}")
+    print(f"{name}: {counts}. {report if report.exists() else folder / 'summary.csv'}")
     if shutil.disk_usage(folder).free < 100e6:
         print(f"less than 100 MB are left on the disk of {folder}", file=sys.stderr)
