@@ -17,6 +17,7 @@ from sysid_bench.build import build
 from sysid_bench.estimate_table import show
 from sysid_bench.files import read_model, write_estimate, write_model
 from sysid_bench.files.provenance import provenance
+from sysid_bench.mechanics.excitation_check import check_excitation
 from sysid_bench.nouns import Diverged, Estimate, InputError, Method, Model, NotApplicable, Record
 from sysid_bench.pairing import pair
 from sysid_bench.records import read_record
@@ -32,6 +33,7 @@ def main(cfg: dict[str, Any]) -> int:
     options = {"topic": cfg["topic"]} if cfg["topic"] else {}
     record, model, remarks = pair(read_record(cfg["record"], **options), read_model(cfg["model"]))
     print(f"{cfg['record']}: {record!r}")
+    remarks += excitation_remarks(record, model)
     estimate, heard = fitted(build(cfg["method"], cfg["plugins"].packages), record, model, out)
     remarks += [*heard, *cautions(record, model, estimate)]
     name = cfg["choices"]["method"]
@@ -43,6 +45,14 @@ def main(cfg: dict[str, Any]) -> int:
     reason = f" ({estimate.reason})" if estimate.reason else ""
     print(f"{name}: {estimate.status}{reason}{seconds}. {out / 'estimate.json'}")
     return 0 if estimate.status == "ok" else 1
+
+
+def excitation_remarks(record: Record, model: Model) -> list[str]:
+    """What the record's inputs and outputs will not tell; a refusal of the check is a remark, the method decides."""
+    try:
+        return check_excitation(record, model.hold)
+    except NotApplicable as problem:
+        return [str(problem)]
 
 
 def results_folder(path: str) -> Path:
