@@ -28,3 +28,10 @@ def test_every_verb_has_two_lines_and_a_door(verb: str) -> None:
     what, example = conf.verbs()[verb]
     assert what and example.startswith(f"sysid-bench {verb}")
     assert callable(importlib.import_module(f"sysid_bench.doors.{verb}").main)
+
+
+def test_smoke_runs_every_method_of_the_suite() -> None:
+    """Peers (other packages) and the method for one Lagrangian of the user's have studies of their own."""
+    elsewhere = ("peer_", "discrete_lagrangian")
+    methods = {name for name in conf.groups()["method"] if not name.startswith(elsewhere)}
+    assert set(conf.compose("sweep", ["experiment=smoke"])["axes"]["method"]) == methods
