@@ -27,7 +27,7 @@ from sysid_bench.nouns import (
     Record,
     Task,
 )
-from sysid_bench.score import score
+from sysid_bench.score import bound_columns, score
 
 REASON_LENGTH = 300
 
@@ -119,7 +119,7 @@ def _identify_row(
         )
         numbers = score(estimate, plant, acquired.record.h, bound)
     except Exception as problem:
-        return _failed(task, cell, *_status_of(problem))
+        return _failed(task, cell, *_status_of(problem)) | bound_columns(bound)
     row = task.row(cell, nominal=method.nominal, status=estimate.status, reason=estimate.reason)
     row |= {"fit_s": estimate.seconds} | numbers
     return row | {f"diag.{name}": value for name, value in estimate.diagnostics.items() if np.isscalar(value)}

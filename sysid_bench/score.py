@@ -28,12 +28,16 @@ def score(estimate: Estimate, plant: Plant, h: float, bound: Bound | None) -> di
     """
     errors = _matrix_errors(estimate, plant)
     errors["pole"] = pole_error(estimate.poles, poles_of(plant.mass, plant.damping, plant.stiffness))
-    row = {f"{name}_error": errors.get(name, np.nan) for name in SCORED}
+    row = {f"{name}_error": errors.get(name, np.nan) for name in SCORED} | bound_columns(bound)
     for name in SCORED:
-        limit = np.nan if bound is None else float(getattr(bound, name))
-        row[f"{name}_bound"] = limit
+        limit = row[f"{name}_bound"]
         row[f"{name}_over_bound"] = row[f"{name}_error"] / limit if limit > 0 else np.nan
     return row | _coefficients(estimate, plant, h)
+
+
+def bound_columns(bound: Bound | None) -> dict[str, float]:
+    """X_bound for every scored X: of the record, so a row has it whether or not its method gave an estimate."""
+    return {f"{name}_bound": np.nan if bound is None else float(getattr(bound, name)) for name in SCORED}
 
 
 def _matrix_errors(estimate: Estimate, plant: Plant) -> dict[str, float]:
