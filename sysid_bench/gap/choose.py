@@ -161,12 +161,12 @@ def cheapest(contenders: list[Contender], linear_gap: float, rules: Rules) -> Co
     margin = max(20.0, rules.practical * linear_gap)
     count = shape_count(best.fit.point.effects)
     for other in contenders[1:]:
-        if other.cost - best.cost > margin:
+        behind = other.cost - best.cost
+        if behind > margin or other.fit.rho > 1.4 * best.fit.rho + 0.1:
             break
         simpler = shape_count(other.fit.point.effects) < count
-        if (best.is_decoy and not other.is_decoy) or (
-            simpler and not other.is_decoy and _subset(other.effect, best.effect)
-        ):
+        named = best.is_decoy and not other.is_decoy and behind < max(20.0, margin / 3)
+        if named or (simpler and not other.is_decoy and _subset(other.effect, best.effect)):
             return other
     return best
 
