@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 # One BLAS thread: cells are small and run side by side. Must stand before numpy is first imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -61,7 +63,7 @@ def _dispatch(arguments: list[str]) -> int:
     if any(a in ("-h", "--help") for a in rest):
         print(_help(verb))
         return DONE
-    rest = [a if "=" in a or verb not in POSITIONAL else f"{POSITIONAL[verb]}={a}" for a in rest]
+    rest = [_named(verb, word) for word in rest]
     overrides, plugins = conf.split_plugins([a for a in rest if a != "--cfg"])
     cfg = conf.compose(verb, overrides, plugins)
     if "--cfg" in rest:
@@ -71,6 +73,14 @@ def _dispatch(arguments: list[str]) -> int:
         return DONE
     cfg |= {"plugins": plugins, "words": rest}
     return importlib.import_module(f"sysid_bench.doors.{verb}").main(cfg)
+
+
+def _named(verb: str, word: str) -> str:
+    """A path without its key gets it, where the verb takes one; the path may hold = itself."""
+    is_override = re.fullmatch(r"[+~]*[A-Za-z_][\w.]*=.*", word) and not Path(word).exists()
+    if verb not in POSITIONAL or is_override or word.startswith("--"):
+        return word
+    return f"{POSITIONAL[verb]}={word}"
 
 
 def _menu() -> str:

@@ -17,7 +17,7 @@ REPOSITORY = PACKAGE.parent
 # Files and free text: handed over as written, never parsed by Hydra's grammar (commas, =, spaces).
 VERBATIM = frozenset(
     "record records_dir model train test out estimate to path results_dir reference only plugins "
-    "effects_path dbc report".split()
+    "effects_path dbc report screenshot".split()
 )
 
 

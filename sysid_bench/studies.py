@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from sysid_bench import conf
+from sysid_bench.knobs import check_knobs
 from sysid_bench.nouns import InputError
 from sysid_bench.plan import Option, Study, with_knob
 
@@ -31,9 +32,10 @@ def study_of(cfg: Mapping[str, Any], overrides: Mapping[str, Any] = {}) -> Study
     names = {(key, value) for point in points for key, value in point.items() if "." not in key}
     options = {(g, name): _option(g, name, base, overrides, plugins) for g, name in sorted(names)}
     study = cfg["study"]
+    check_knobs(Study, study)
     return Study(
-        name=study["name"], question=study["question"], kind=study["kind"], repetitions=int(study["repetitions"]),
-        seed=int(study["seed"]), base=base, options=options, axes=cfg["axes"], cases=cfg["cases"],
+        name=study["name"], question=study["question"], kind=study["kind"], repetitions=study["repetitions"],
+        seed=study["seed"], base=base, options=options, axes=cfg["axes"], cases=cfg["cases"],
         only=_pairs(cfg.get("only")), packages=plugins.packages,
     )  # fmt: skip
 

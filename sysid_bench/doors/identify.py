@@ -29,12 +29,13 @@ SLOW_PERIODS = 5
 def main(cfg: dict[str, Any]) -> int:
     """0 with an estimate; 1 where the method says no (estimate.json says why)."""
     require(cfg, "identify", "record", "model", "method", "out")
-    out = results_folder(cfg["out"])
     options = {"topic": cfg["topic"]} if cfg["topic"] else {}
     record, model, remarks = pair(read_record(cfg["record"], **options), read_model(cfg["model"]))
+    method = build(cfg["method"], cfg["plugins"].packages)
+    out = results_folder(cfg["out"])  # only now: a wrong input leaves nothing behind
     print(f"{cfg['record']}: {record!r}")
     remarks += excitation_remarks(record, model)
-    estimate, heard = fitted(build(cfg["method"], cfg["plugins"].packages), record, model, out)
+    estimate, heard = fitted(method, record, model, out)
     remarks += [*heard, *cautions(record, model, estimate)]
     name = cfg["choices"]["method"]
     write_results(out, cfg, name, record, model, estimate, remarks)
