@@ -15,7 +15,7 @@ from typing import Any
 
 from sysid_bench import plan
 from sysid_bench.build import build
-from sysid_bench.nouns import STATUSES, Executor, InputError
+from sysid_bench.nouns import STATUSES, Executor, InputError, Task
 from sysid_bench.progress import watched
 from sysid_bench.run import Work, check_task
 from sysid_bench.store import Store
@@ -34,13 +34,12 @@ def main(cfg: dict[str, Any]) -> int:
     study = study_of(cfg, command_line_knobs(words))
     executor = build(cfg["executor"], study.packages)
     retry = _statuses(cfg["retry"])
-    check_figures(cfg)
-    for task in plan.tasks(study):
-        if not task.repetition:
-            check_task(task)
     folder = study_folder(Path(cfg["results_dir"]), study.name)
     work = Work(cfg["records"], str(folder / "records"))
-    order = freeze(study, cfg, words, folder)
+    check_figures(cfg)
+    order = checked_order(study, cfg.get("only"))
+    (folder / "records").mkdir(parents=True, exist_ok=True)
+    freeze(study, order, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
         run_cells(study, store, executor, work, done, len(set(order) - done))
@@ -63,11 +62,10 @@ def check_figures(cfg: Mapping[str, Any]) -> None:
 
 
 def study_folder(results: Path, name: str) -> Path:
-    """results/<name>, made; refuses a name that leaves the results folder."""
+    """results/<name>; refuses a name that leaves the results folder."""
     folder = (results / name).resolve()
     if not name or not folder.is_relative_to(results.resolve()) or folder == results.resolve():
         raise InputError(f"study.name must be a folder inside {results}; got {name!r}.")
-    (folder / "records").mkdir(parents=True, exist_ok=True)
     return folder
 
 
@@ -84,11 +82,22 @@ def order_of(study: plan.Study) -> tuple[str, ...]:
     return tuple(cell.key for task in plan.tasks(study) for cell in task.cells)
 
 
-def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], folder: Path) -> tuple[str, ...]:
-    """Expand the grid once and write manifest.json; what the workers do was decided here. Returns the keys."""
-    order = order_of(study)
-    if not order:
-        raise InputError(f"no cell of {study.name} matches only={cfg.get('only')!r}.")
+def checked_order(study: plan.Study, only: str | None) -> tuple[str, ...]:
+    """As order_of, after building all that the grid names once: a wrong knob is told before the work."""
+    points: dict[tuple[str, ...], Task] = {}
+    for task in plan.tasks(study):
+        points.setdefault(tuple(task.parts.values()), task)
+    if not points:
+        raise InputError(f"no cell of {study.name} matches only={only!r}.")
+    for task in points.values():
+        check_task(task)
+    return order_of(study)
+
+
+def freeze(
+    study: plan.Study, order: tuple[str, ...], cfg: Mapping[str, Any], words: Iterable[str], folder: Path
+) -> None:
+    """Write manifest.json: what the workers do was decided before they start."""
     shown = {key: value for key, value in cfg.items() if key not in ("plugins", "words")}
     manifest = {
         "study": study.name,
@@ -105,7 +114,6 @@ def freeze(study: plan.Study, cfg: Mapping[str, Any], words: Iterable[str], fold
     part = path.with_name("manifest.json.part")
     part.write_text(json.dumps(manifest, indent=1) + "\n")
     part.replace(path)
-    return order
 
 
 def _note_change(path: Path, manifest: Mapping[str, Any]) -> None:
