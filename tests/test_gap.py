@@ -92,3 +92,48 @@ def test_the_door_writes_what_is_promised(draw, tmp_path):
         values["gap_after"], rel=1e-6
     )
     assert [e.name for e in read_model(out / "model.yaml").effects] == ["cubic_stiffness"]
+
+
+OWN = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+import casadi as ca
+
+from sysid_bench.mechanics.effect import At, Effect, Knob
+
+
+@dataclass(frozen=True)
+class MagneticDetent(Effect):
+    """strength * x * exp(-(x / reach)^2)"""
+
+    name: ClassVar[str] = "magnetic_detent"
+    knobs: ClassVar[dict[str, Knob]] = {"strength": Knob("N/m"), "reach": Knob("m", (1e-6, 10.0))}
+
+    dof: int | tuple[int, int] | None = 0
+    strength: float = 1.0
+    reach: float = 0.5
+
+    def law(self, at: At, p):
+        return p.strength * at.x * ca.exp(-((at.x / p.reach) ** 2)), []
+'''
+
+
+def test_an_effect_of_the_users_own_takes_part(tmp_path):
+    from sysid_bench.effects import own_effect
+    from sysid_bench.mechanics.nonlinear import simulate
+    from sysid_bench.nouns import Plant
+
+    (tmp_path / "detent.py").write_text(OWN)
+    kind = own_effect(tmp_path / "detent.py")
+    rng = np.random.default_rng(3)
+    truth = Plant([[1.0]], [[0.3]], [[1.0]], effects=(kind(strength=0.8, reach=0.6),))
+    records = []
+    for _ in range(2):
+        u = np.repeat(rng.normal(size=(600, 1)), 10, axis=0)
+        y = simulate(truth, u, 0.05, "zoh").y
+        records.append(Record(np.arange(len(u)) * 0.05, u, y + 0.01 * rng.normal(size=y.shape), hold="zoh"))
+    answer = find_gap(records[:1], records[1:], Model([[1.0]], [[0.3]], [[1.0]], hold="zoh"), own=(kind,))
+    assert [e.name for e in answer.added] == ["magnetic_detent"]
+    assert answer.added[0].strength == pytest.approx(0.8, rel=0.1)
+    assert answer.added[0].reach == pytest.approx(0.6, rel=0.1)

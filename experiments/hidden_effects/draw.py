@@ -399,7 +399,7 @@ class Draw:
     def blur(self, spread):
         rng = self.rng
         if spread is None:
-            spread = rng.choice([0.0, 0.02])
+            spread = rng.choice([0.0, 0.01])
         for m, X in enumerate(self.nominal):
             wrong = rng.choice([-1, 1], X.shape) * rng.uniform(0.1, 0.3, X.shape)
             F = 1 + (

@@ -18,6 +18,7 @@ from sysid_bench.mechanics.effect import Effect
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 
 
+UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
 BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 
 
@@ -70,7 +71,11 @@ class Story:
     linear: Fit
     fit: Fit
     rounds: list[Round] = field(default_factory=list)
-    unclear: bool = False
+
+    @property
+    def ends_unnamed(self) -> bool:
+        """True where a shape without a name is part of the explanation."""
+        return any(e.name in DECOY_NAMES for e in self.fit.point.effects)
 
 
 def shape_count(effects: tuple[Effect, ...]) -> int:
@@ -247,10 +252,27 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     rules = rules or Rules()
     story = Story(linear, linear)
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
+    first = look(problem, linear, catalogue, rules, linear_gap)
+    story = _told(problem, story, first, catalogue, rules)
+    shape = first.chosen
+    if shape is None or not shape.is_decoy or (shape.fit.rss - len(shape.fit.rows)) < UNCLEAN * linear_gap:
+        return story
+    # No single force explains it: an unnamed shape may stand for the sum of two named ones.
+    named = next((c for c in first.contenders if not c.is_decoy), None)
+    if named is None:
+        return story
+    other = _told(problem, Story(linear, linear), replace(first, chosen=named), catalogue, rules)
+    return other if other.fit.rho < 1.3 and not other.ends_unnamed else story
+
+
+def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules) -> Story:
+    """The story that follows from a first look: every later effect must earn its place."""
+    linear = story.linear
+    linear_gap = max(linear.rss - len(linear.rows), 1.0)
     for k in range(rules.most):
         if story.fit.rho < rules.enough and k > 0:
             break
-        round_ = look(problem, story.fit, catalogue, rules, linear_gap)
+        round_ = first if k == 0 else look(problem, story.fit, catalogue, rules, linear_gap)
         chosen = round_.chosen
         if chosen is not None and not earns(problem, story.fit, chosen.fit, linear, k == 0, rules):
             chosen = None
