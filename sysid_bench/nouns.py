@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -398,8 +398,8 @@ class Effect(Protocol):
     dof: 0-based degree of freedom, a pair (i, j) for something between two (x = q_i - q_j), None: everywhere.
     """
 
-    name: str
-    path: str  # force, structure, actuator, sensor or timing
+    name: ClassVar[str]
+    path: ClassVar[str]  # force, structure, actuator, sensor or timing
 
     @property
     def dof(self) -> int | tuple[int, int] | None: ...

@@ -15,13 +15,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 
 from sysid_bench.nouns import Array, InputError
 
-Path = Literal["force", "structure", "actuator", "sensor", "timing"]
 ANY, POSITIVE, NOT_NEGATIVE = (-np.inf, np.inf), (1e-300, np.inf), (0.0, np.inf)
 # Inputs of a law, before its states and parameters; see At.
 HEAD = ("x", "v", "t", "h", "x_before", "mobility")
@@ -92,7 +91,7 @@ class Effect:
     """Base of all effects; subclasses are frozen dataclasses whose fields are dof and the parameters."""
 
     name: ClassVar[str] = ""
-    path: ClassVar[Path] = "force"
+    path: ClassVar[str] = "force"
     knobs: ClassVar[dict[str, Knob]] = {}
     states: ClassVar[int] = 0
     equation: ClassVar[str] = ""

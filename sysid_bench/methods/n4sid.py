@@ -62,7 +62,7 @@ class N4sid:
     def fit(self, record: Record, model: Model) -> Estimate:
         """Estimate with M, D, K, poles, state space; raises NotApplicable or Diverged with the reason."""
         require_plain(record, model, "n4sid")
-        nx = {"model": 2 * model.n, "gap": None}.get(self.order, self.order)
+        nx = self.order if isinstance(self.order, int) else 2 * model.n if self.order == "model" else None
         direct = self.feedthrough or model.output == "acceleration"
         found = identify(
             record, self._horizon(record, nx or 2 * model.n), nx, 4 * model.n, self.weight, direct

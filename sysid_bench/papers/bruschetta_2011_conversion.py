@@ -49,7 +49,7 @@ def kappa_law(tables: Tables) -> Verdict:
     rate = slope(table, "kappa", RATIO, 20, 100)
     ratios = table.points(RATIO)
     off = {r: _printed_over_true(table, r) for r in ratios}
-    worst = min(off, key=off.get)
+    worst = min(off, key=lambda ratio: off[ratio])
     at = table.at(analysis__sampling_ratio=worst)
     numbers = (
         f"kappa grows as h^{number(-rate, 3)}. (3.36) as printed agrees to {number(max(abs(x - 1) for r, x in off.items() if r > 4))} "

@@ -124,7 +124,7 @@ def program() -> Path:
     """The viewer of the installed rerun-sdk. Raises InputError where it has none."""
     import rerun_cli
 
-    path = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
+    path = Path(str(rerun_cli.__file__)).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
     if not path.is_file():
         raise InputError(
             f"rerun's viewer is missing at {path}; install it anew: pip install --force-reinstall rerun-sdk."
