@@ -85,7 +85,11 @@ def find_gap(
         raise InputError("the model cannot be simulated on these records: its motion leaves every bound.")
     tell(f"other M, D, K leave {linear.rho:.4g} times")
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
-    story = choose(problem, linear, catalogue, rules)
+    try:
+        story = choose(problem, linear, catalogue, rules)
+    except np.linalg.LinAlgError as trouble:  # a singular normal matrix: what the refit says still holds
+        tell(f"the search for effects ended early ({trouble})")
+        story = Story(linear, linear)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
