@@ -41,7 +41,7 @@ leaderboard: $(READY) ## every method against the Cramer-Rao bound: docs/leaderb
 
 figures: $(READY) ## the README's figures from the results of `make sweep`
 	@mkdir -p docs/figures
-	cp $(RESULTS)/bruschetta_2011/fig5_2_5/figures/fig5_2_5.png docs/figures/readme.png
+	cp $(RESULTS)/bruschetta_2011/fig5_2_5/figures/readme.png docs/figures/readme.png
 
 smoke: $(READY) ## all methods on all plants in about 20 s
 	$(BIN)/sysid-bench sweep experiment=smoke results_dir=$(RESULTS)
