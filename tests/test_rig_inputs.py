@@ -38,7 +38,7 @@ def refused(*words: str) -> str:
 def test_a_rig_that_does_not_answer(tmp_path: Path) -> None:
     start = time.monotonic()
     message = refused(f"bus.port={free_port()}", "seconds=1", f"out={tmp_path / 'run.mcap'}")
-    assert time.monotonic() - start < 30.0  # 1.2 s on the bus; the rest is a busy machine
+    assert time.monotonic() - start < 60.0  # 1.2 s on the bus; the rest is a busy machine
     assert (
         "does not answer" in message and "no frame at all in 1.2 s" in message and "1000000 bit/s" in message
     )

@@ -37,7 +37,7 @@ for pace in $PACES; do
 done
 echo $code >"$FOLDER/measure.rc"
 # a bus-off, as a controller reports it, ends a run
-( sleep "$BUS_OFF_AFTER"; cansend vcan0 20000040#0000000000000000 ) &
+( while [ ! -s /run/bus_off.mcap ]; do sleep 0.5; done; sleep "$BUS_OFF_AFTER"; cansend vcan0 20000040#0000000000000000 ) &
 $bench measure bus=socketcan pace="$pace" seconds=60 out=/run/bus_off.mcap >"$FOLDER/bus_off.out" 2>&1
 echo $? >"$FOLDER/bus_off.rc"
 kill $device; wait $device

@@ -38,7 +38,7 @@ def run(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("socketcan")
     words = {
         "FOLDER": folder, "PYTHON": sys.executable, "REPOSITORY": REPOSITORY, "PACES": PACES,
-        "SECONDS_OF_RUN": SECONDS, "BUS_OFF_AFTER": 20,
+        "SECONDS_OF_RUN": SECONDS, "BUS_OFF_AFTER": 8,
     }  # fmt: skip
     init = folder / "init.sh"
     lines = [f"{name}='{value}'; export {name}" for name, value in words.items()]
