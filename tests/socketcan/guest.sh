@@ -1,6 +1,6 @@
 #!/bin/sh
 # First process of a user-mode Linux on the host's files: real SocketCAN, an emulator and a host on vcan0.
-# Wants FOLDER, PYTHON, REPOSITORY, PACES on the kernel's command line (they arrive as environment).
+# Wants FOLDER, PYTHON, REPOSITORY, PACES, SECONDS_OF_RUN, BUS_OFF_AFTER in its environment.
 mount -t proc proc /proc; mount -t sysfs sys /sys; mount -t tmpfs -o size=200m tmpfs /run
 modules=/usr/lib/uml/modules/$(uname -r)/kernel
 for module in net/can/can net/can/can-raw net/can/can-bcm drivers/net/can/dev/can-dev drivers/net/can/vcan; do
