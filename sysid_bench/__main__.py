@@ -7,7 +7,6 @@ import os
 import re
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 # One BLAS thread: cells are small and run side by side. Must stand before numpy is first imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -77,7 +76,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 def _named(verb: str, word: str) -> str:
     """A path without its key gets it, where the verb takes one; the path may hold = itself."""
-    is_override = re.fullmatch(r"[+~]*[A-Za-z_][\w.]*=.*", word) and not Path(word).exists()
+    is_override = re.fullmatch(r"[+~]*[A-Za-z_][\w.]*=.*", word) and not os.path.exists(word)
     if verb not in POSITIONAL or is_override or word.startswith("--"):
         return word
     return f"{POSITIONAL[verb]}={word}"
