@@ -62,7 +62,8 @@ def test_a_rig_that_does_not_answer(tmp_path: Path) -> None:
         (["pace=0"], "pace"),
     ],
 )
-def test_wrong_calls(words: list[str], part: str) -> None:
+def test_wrong_calls(words: list[str], part: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)  # a preview's figure is written beside `out`
     assert part in refused(*words)
 
 

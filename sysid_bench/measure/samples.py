@@ -158,7 +158,7 @@ class Assembler:
     def _force(self, row: Row) -> tuple[Array, int]:
         """(u (nu,) that the device held from tick k on, how many force messages it missed)."""
         rig, missed = self.rig, self._missed(row)
-        commanded = self._u[row.k] if row.k < len(self._u) else np.zeros(self._u.shape[1])
+        commanded = self._u[min(row.k, len(self._u) - 1)]  # past its end a run repeats its last force
         u = commanded.copy()
         for i, channel in enumerate(rig.input_channels):
             if missed.get(channel.message) and channel.message in self._applied:
