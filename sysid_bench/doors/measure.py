@@ -53,11 +53,12 @@ def main(cfg: dict[str, Any]) -> int:
         if run.motion is not None:
             check_motion(run.motion, rig)
         print(f"{run.out}\n{preview(run.plan, rig, load, run.motion)}", flush=True)
-        if cfg["dry_run"] or bus.moves_hardware:
-            _draw(run, rig)
     if cfg["dry_run"]:
+        _draw(runs, rig)
         return 0
     with closing(opened(bus, rig, cfg["pace"])) as link:
+        if bus.moves_hardware:  # drawn once the bus is there: a wrong interface is told at once
+            _draw(runs, rig)
         _confirm(rig, bus, cfg["yes"])
         for number, run in enumerate(runs):
             time.sleep((cfg.get("campaign") or {}).get("pause_s", 0.0) if number else 0.0)
@@ -101,12 +102,13 @@ def planned(cfg: dict[str, Any], rig: Any, out: Path) -> Run:
     return Run(cfg, out, plan, motion)
 
 
-def _draw(run: Run, rig: Any) -> None:
+def _draw(runs: list[Run], rig: Any) -> None:
     from sysid_bench.views.rig_preview import draw
 
-    path = run.out.with_suffix(".preview.png")
-    draw(run.plan.u, run.motion, rig, path)
-    print(f"figure      {path}")
+    for run in runs:
+        path = run.out.with_suffix(".preview.png")
+        draw(run.plan.u, run.motion, rig, path)
+        print(f"figure      {path}")
 
 
 def _confirm(rig: Any, bus: Any, yes: bool) -> None:
