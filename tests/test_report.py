@@ -99,3 +99,11 @@ def test_a_knob_that_only_some_methods_have_splits_no_group(study, tmp_path):
     }  # fmt: skip
     page = write_report(replace(other, folder=tmp_path), []).read_text()
     assert ">nan<" not in page and "method.blocks=nan" not in page
+
+
+def test_the_head_counts_what_is_in_the_table_and_no_ratio_stands_without_a_bound(study, tmp_path):
+    bare = {c: v for c, v in study.columns.items() if not c.endswith("_bound") and c != "method"}
+    fewer = {c: v[study.columns["repetition"] < 5] for c, v in bare.items()}
+    page = write_report(replace(study, folder=tmp_path, columns=fewer), []).read_text()
+    assert "<b>5</b><span>repetitions per cell</span>" in page and "methods</span>" not in page
+    assert "\u00d7" not in page

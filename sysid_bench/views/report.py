@@ -21,7 +21,7 @@ def write_report(study: Study, figures: Sequence[Path]) -> Path:
     page = render(
         "study.html", name=study.name, question=study.manifest.get("question", ""), facts=facts(study),
         command=command(study), images=[_image(study, p) for p in figures if p.suffix == ".svg"],
-        axes=study.axes, columns=[_heading(c) for c in columns], bounds=any(c in ERRORS for c in columns),
+        axes=study.axes, columns=[_heading(c) for c in columns], bounds=any(c.replace("_error", "_bound") in study.columns for c in columns if c in ERRORS),
         groups=[_group_words(g, columns) for g in summarise(study)],
         left_out=left_out(study),
         failures=[(*f[:4], f"{f[4]:.0%}", f[5]) for f in failures(study)], config=config_text(study),
@@ -46,12 +46,10 @@ def config_text(study: Study) -> str:
 def facts(study: Study) -> list[tuple[str, str]]:
     """The few numbers at the head of the page: rows, repetitions, failures, time in fits."""
     seconds = study.columns.get("fit_s", study.columns.get("seconds", np.zeros(0)))
-    rows = [(f"{study.rows}", "runs"), (f"{len(set(study.columns.get('method', [])))}", "methods")]
-    rows += (
-        [(f"{study.config['study']['repetitions']}", "repetitions per cell")]
-        if "repetitions" in study.config.get("study", {})
-        else []
-    )
+    rows = [(f"{study.rows}", "runs")]
+    for column, word in (("method", "methods"), ("repetition", "repetitions per cell")):
+        values = set(study.columns.get(column, ()))
+        rows += [(f"{len(values)}", word)] if values else []
     lost = int(failed(study.columns).sum())
     rows += [
         (f"{lost}", "failed"),

@@ -107,7 +107,7 @@ def _number(study: Study, column: str, rows: np.ndarray) -> Number:
 
 def _rms(values: np.ndarray) -> float:
     largest = np.abs(values).max()  # scaled: squares of what diverged overflow
-    return float(largest * np.sqrt(np.mean((values / largest) ** 2))) if largest > 0 else 0.0
+    return float(largest * np.sqrt(np.mean((values / largest) ** 2))) if largest != 0 else 0.0
 
 
 def failures(study: Study) -> list[tuple[str, str, str, int, float, str]]:
