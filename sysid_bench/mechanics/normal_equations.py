@@ -13,23 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from sysid_bench.nouns import Array
 
 Complex = NDArray[np.complex128]
 POWERS = (2, 1, 0)  # of s, for M, D, K
-
-
-class _Pairing(NamedTuple):
-    """Where the parts of S[i,k] and Omega[j,l] are packed, for one of (ij | ji) x (kl | lk), and their signs."""
-
-    s_real: Array
-    s_imag: Array
-    s_sign: Array
-    o_real: Array
-    o_imag: Array
-    o_sign: Array
-    scale: Array
 
 
 @lru_cache(maxsize=64)
@@ -56,17 +45,46 @@ def _where(n: int, hermitian: bool) -> tuple[Array, Array, Array]:
     return real, imag, sign
 
 
-@lru_cache(maxsize=64)
-def _pairings(n: int, hermitian: bool) -> tuple[_Pairing, ...]:
-    S, Omega = _where(n, True), _where(n, hermitian)
+class _Gathering(NamedTuple):
+    """(q q, products) sparse: the block of parameters (ij, kl) from the flat products of the packed parts of S and Omega,
+    real x real, imaginary x imaginary (for even powers of j), real x imaginary, imaginary x real (for odd ones)."""
+
+    rr: csr_array
+    ii: csr_array
+    ri: csr_array
+    ir: csr_array
+
+
+@lru_cache(maxsize=16)
+def _gathering(n: int, hermitian: bool) -> _Gathering:
+    """S[i,k] Omega[j,l] + S[j,k] Omega[i,l] + S[i,l] Omega[j,k] + S[j,l] Omega[i,k], a repeated index once."""
+    (s_real, s_imag, s_sign), (o_real, o_imag, o_sign) = _where(n, True), _where(n, hermitian)
     i, j = upper(n)
-    one, off = np.ones(len(i)), (i != j).astype(float)
-    found = []
-    for a, b, rows in ((i, j, one), (j, i, off)):
-        for c, d, columns in ((i, j, one), (j, i, off)):
+    once, twice = np.ones(len(i)), (i != j).astype(float)
+    parts: list[list[tuple[Array, Array]]] = [[], [], [], []]
+    width = o_imag.max(initial=-1) + 1 if n > 1 or not hermitian else 0
+    for a, b, rows in ((i, j, once), (j, i, twice)):
+        for c, d, columns in ((i, j, once), (j, i, twice)):
             ik, jl = np.ix_(a, c), np.ix_(b, d)
-            found.append(_Pairing(*(x[ik] for x in S), *(x[jl] for x in Omega), np.outer(rows, columns)))
-    return tuple(found)
+            share, wide = np.outer(rows, columns), o_real.max() + 1
+            signs = (1.0, -s_sign[ik] * o_sign[jl], o_sign[jl], s_sign[ik])
+            places = (
+                s_real[ik] * wide + o_real[jl], s_imag[ik] * width + o_imag[jl],
+                s_real[ik] * width + o_imag[jl], s_imag[ik] * wide + o_real[jl],
+            )  # fmt: skip
+            for part, sign, place in zip(parts, signs, places):
+                part.append((share * sign, place))
+    tall, high = s_real.max() + 1, len(_strictly_upper(n)[0])
+    sizes = (tall * wide, high * width, tall * width, high * wide)
+    return _Gathering(*(_sparse(part, size) for part, size in zip(parts, sizes)))
+
+
+def _sparse(part: list[tuple[Array, Array]], size: int) -> csr_array:
+    values = np.concatenate([share.ravel() for share, _ in part])
+    columns = np.concatenate([place.ravel() for _, place in part])
+    rows = np.tile(np.arange(part[0][0].size), len(part))
+    kept = values != 0
+    return csr_array((values[kept], (rows[kept], columns[kept])), shape=(part[0][0].size, size))
 
 
 def _packed(X: Complex, hermitian: bool) -> tuple[Array, Array]:
@@ -90,33 +108,18 @@ def information(S: Complex, Omega: Complex, omega: Array, hermitian: bool = True
     n = S.shape[1]
     Sr, Si = _packed(S, True)
     Or, Oi = _packed(Omega, hermitian)
-    blocks = []
+    blocks, to, q = [], _gathering(n, hermitian), parameters(n)
     for m in range(5):
         scale = (omega**m)[:, None]
         real, imag = (Sr * scale).T, (Si * scale).T
-        parts = (real @ Or, imag @ Oi) if m % 2 == 0 else (real @ Oi, imag @ Or)
-        blocks.append((_even if m % 2 == 0 else _odd)(*parts, _pairings(n, hermitian)))
+        if m % 2 == 0:
+            block = to.rr @ (real @ Or).ravel() + to.ii @ (imag @ Oi).ravel()
+        else:
+            block = to.ri @ (real @ Oi).ravel() + to.ir @ (imag @ Or).ravel()
+        blocks.append(block.reshape(q, q))
     # conj(s^b) s^b' = (-1)^b j^(b+b') omega^(b+b'); Re(j^m X) = Re X, -Im X, -Re X, Im X for m = 0..3
     turn = (1, -1, -1, 1, 1)
     return np.block([[(-1) ** b * turn[b + c] * blocks[b + c] for c in POWERS] for b in POWERS])
-
-
-def _take(X: Array, rows: Array, columns: Array) -> Array | float:
-    return X[rows, columns] if X.size else 0.0  # one degree of freedom has no imaginary parts
-
-
-def _even(rr: Array, ii: Array, pairings: tuple[_Pairing, ...]) -> Array:
-    return sum(
-        p.scale * (_take(rr, p.s_real, p.o_real) - p.s_sign * p.o_sign * _take(ii, p.s_imag, p.o_imag))
-        for p in pairings
-    )
-
-
-def _odd(ri: Array, ir: Array, pairings: tuple[_Pairing, ...]) -> Array:
-    return sum(
-        p.scale * (p.o_sign * _take(ri, p.s_real, p.o_imag) + p.s_sign * _take(ir, p.s_imag, p.o_real))
-        for p in pairings
-    )
 
 
 def gradient(s: Complex, back: Complex, q: Complex) -> Array:
