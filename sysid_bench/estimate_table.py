@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from sysid_bench.files.estimate import MATRIX_NAMES, Z95
+from sysid_bench.mechanics.second_order import frequencies_and_damping, sort_poles
+from sysid_bench.mechanics.uncertainty import ModalUncertainty, uncertainty_of
 from sysid_bench.nouns import Array, Estimate
 
 LARGEST_GRID = 4
@@ -31,7 +33,7 @@ def tables(estimate: Estimate) -> Iterator[Table]:
             grid = len(value) <= LARGEST_GRID
             yield _grid(name, value, std) if grid else _list(name, value, std)
     if estimate.poles is not None and len(estimate.poles):
-        yield _modes(np.asarray(estimate.poles))
+        yield _modes(np.asarray(estimate.poles), uncertainty_of(estimate))
 
 
 def _title(name: str, std: Array | None) -> str:
@@ -76,14 +78,16 @@ def _interval(value: float, std: float | None) -> str:
     return f"{value:.{digits}f} ± {half:.{digits}f}"
 
 
-def _modes(poles: np.ndarray) -> Table:
-    """One line per mode: pairs of complex poles once, real poles each."""
-    table = Table(title="modes", title_justify="left")
+def _modes(poles: np.ndarray, known: ModalUncertainty | None) -> Table:
+    """One line per mode: pairs of complex poles once, real poles each; 95 % intervals where known."""
+    half = sort_poles(poles)
+    half = half[half.imag >= 0]
+    omega, zeta = frequencies_and_damping(poles)
+    spread = [np.full(len(half), np.inf)] * 2 if known is None else [known.omega_n_std, known.zeta_std]
+    table = Table(title=f"modes{'' if known is None else ', 95 % intervals'}", title_justify="left")
     for heading in ("omega_n rad/s", "f Hz", "zeta", "pole rad/s"):
         table.add_column(heading, justify="right")
-    for pole in sorted((p for p in poles if p.imag >= 0), key=abs):
-        omega = abs(pole)
-        zeta = -pole.real / omega if omega > 0 else 0.0
+    for pole, w, z, of_w, of_z in zip(half, omega, zeta, *spread, strict=True):
         shown = f"{pole.real:.4g} ± {pole.imag:.4g}i" if pole.imag > 0 else f"{pole.real:.4g}"
-        table.add_row(f"{omega:.5g}", f"{omega / (2 * np.pi):.5g}", f"{zeta:.4g}", shown)
+        table.add_row(_interval(w, of_w), f"{w / (2 * np.pi):.5g}", _interval(z, of_z), shown)
     return table

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from sysid_bench.files import model_of, read_estimate, write_estimate
+from sysid_bench.mechanics.second_order import poles
+from sysid_bench.mechanics.uncertainty import modal_uncertainty
 from sysid_bench.nouns import Estimate, InputError, Model
 
 M, D, K = (
@@ -123,3 +125,12 @@ def test_no_json_is_refused(tmp_path, text):
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match="estimate"):
         read_estimate(path)
+
+
+def test_modes_carry_their_standard_errors(tmp_path):
+    found = write_and_load(tmp_path, estimate(poles=poles(M, D, K)))["modes"]
+    known = modal_uncertainty(M, D, K, estimate().covariance)
+    assert np.allclose(found["omega_n_std"], known.omega_n_std)
+    assert np.allclose(found["covariance"], known.covariance)
+    assert np.allclose(found["pole_std"], np.stack([known.pole_std.real, known.pole_std.imag], axis=1))
+    assert write_and_load(tmp_path, estimate())["modes"] is None  # poles of something else than M, D, K

@@ -102,11 +102,14 @@ def cautions(record: Record, model: Model, estimate: Estimate) -> list[str]:
         found.append(
             f"only M, D, K are estimated, not the model's effects ({names}); `sysid-bench gap` weighs those."
         )
+    warning = str(estimate.diagnostics.get("warning") or "")
+    if warning:
+        found.append(f"{warning}.")
     poles = np.array([]) if estimate.poles is None else np.asarray(estimate.poles)
     swinging = np.abs(poles[np.imag(poles) > 0])
     length = record.t[-1] - record.t[0]
     periods = length * swinging.min(initial=np.inf) / (2 * np.pi)
-    if periods < SLOW_PERIODS:
+    if periods < SLOW_PERIODS and "periods" not in warning:
         found.append(
             f"the record is {length:.3g} s long, {periods:.2g} periods of the slowest mode; "
             f"below {SLOW_PERIODS} the damping is poorly known."

@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid_bench.files.disk import read_json, write_json
 from sysid_bench.files.model import mapping_of, model_from
+from sysid_bench.mechanics.uncertainty import uncertainty_of
 from sysid_bench.nouns import STATUSES, Estimate, InputError, Model
 
 Z95 = 1.959963984540054
@@ -44,6 +45,7 @@ def values_of(
     for name in MATRIX_NAMES:
         values[name] = _matrix(estimate, name)
     values |= _poles(estimate)
+    values["modes"] = _modes(estimate)
     values["coefficients"] = dict(estimate.coefficients)
     values["state_space"] = _state_space(estimate)
     values["diagnostics"] = dict(estimate.diagnostics)
@@ -68,6 +70,15 @@ def _poles(estimate: Estimate) -> dict[str, Any]:
     omega_n = np.abs(poles)
     zeta = -np.real(poles) / np.where(omega_n > 0, omega_n, np.inf)
     return {"poles": poles, "omega_n": omega_n, "zeta": zeta}
+
+
+def _modes(estimate: Estimate) -> dict[str, Any] | None:
+    """One entry per complex pair or real pole, with standard errors and the covariance of (omega_n, zeta)."""
+    found = uncertainty_of(estimate)
+    if found is None:
+        return None
+    names = "poles", "pole_std", "omega_n", "omega_n_std", "zeta", "zeta_std", "covariance"
+    return {name: getattr(found, name) for name in names}
 
 
 def _state_space(estimate: Estimate) -> dict[str, Any] | None:

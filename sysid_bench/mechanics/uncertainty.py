@@ -1,4 +1,4 @@
-"""M, D, K with their covariance -> standard errors of poles, natural frequencies and damping ratios."""
+"""M, D, K with their covariance -> covariance of poles, natural frequencies and damping ratios, by first order."""
 
 from __future__ import annotations
 
@@ -7,48 +7,99 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_bench.nouns import Array
+from sysid_bench.mechanics.second_order import companion, pole_order
+from sysid_bench.nouns import Array, Estimate
 
 Complex = NDArray[np.complex128]
+REPEATED = 1e-6  # of a pole's size: closer poles have no first derivative of their own
+SAME_POLES = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class ModalUncertainty:
-    """One row per pole with non-negative imaginary part, by rising frequency; rad/s."""
+    """One row per complex pair and per real pole, as frequencies_and_damping orders them.
+
+    poles (k,) rad/s, positive imaginary part; omega_n (k,) rad/s; zeta (k,)
+    covariance (2k, 2k) of (omega_n, zeta); pole_covariance (2k, 2k) of (real parts, imaginary parts)
+    Not a number where poles coincide, infinite where the record does not tell.
+    """
 
     poles: Complex
     omega_n: Array
-    omega_n_std: Array
     zeta: Array
-    zeta_std: Array
+    covariance: Array
+    pole_covariance: Array
+
+    @property
+    def omega_n_std(self) -> Array:
+        return _deviations(self.covariance)[: len(self.poles)]
+
+    @property
+    def zeta_std(self) -> Array:
+        return _deviations(self.covariance)[len(self.poles) :]
+
+    @property
+    def pole_std(self) -> Complex:
+        """Standard error of the real part + j that of the imaginary part."""
+        both = _deviations(self.pole_covariance)
+        return both[: len(self.poles)] + 1j * both[len(self.poles) :]
 
 
 def pole_slopes(M: Array, D: Array, K: Array) -> tuple[Complex, Complex]:
-    """poles (2n,) and their derivatives (2n, ntheta): -phi'(s^2 dM + s dD + dK) phi / phi'(2 s M + D) phi."""
+    """poles (2n,) by pole_order and their derivatives (2n, ntheta): -phi'(s^2 dM + s dD + dK) phi / phi'(2 s M + D) phi.
+
+    Not a number where poles coincide: those of symmetric matrices part in directions that no gradient gives.
+    """
     n = len(M)
-    gain = np.linalg.inv(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-gain @ K, -gain @ D]])
-    poles, vectors = np.linalg.eig(A)
-    phi = vectors[:n].astype(complex)
-    below = np.einsum("ik,ijk,jk->k", phi, 2 * poles * M[:, :, None] + D[:, :, None], phi)
+    poles, vectors = np.linalg.eig(companion(M, D, K))
+    order = pole_order(poles)
+    poles, phi = poles[order].astype(complex), vectors[:n, order].astype(complex)
     i, j = np.triu_indices(n)
     products = phi[i] * phi[j] * np.where(i == j, 1.0, 2.0)[:, None]
-    slopes = np.concatenate([products * poles**b for b in (2, 1, 0)]) / -below
-    return poles.astype(complex), slopes.T
+    with np.errstate(all="ignore"):
+        below = np.einsum("ik,ijk,jk->k", phi, 2 * poles * M[:, :, None] + D[:, :, None], phi)
+        slopes = np.concatenate([products * poles**b for b in (2, 1, 0)]) / -below
+    distance = np.abs(poles[:, None] - poles) + np.diag(np.full(2 * n, np.inf))
+    slopes[:, distance.min(axis=1) <= REPEATED * np.abs(poles).max()] = np.nan
+    return poles, slopes.T
 
 
 def modal_uncertainty(M: Array, D: Array, K: Array, covariance: Array) -> ModalUncertainty:
-    """First-order standard errors; covariance (ntheta, ntheta) as in Estimate."""
+    """First order in covariance (ntheta, ntheta), as in Estimate."""
     poles, slopes = pole_slopes(M, D, K)
-    keep = np.flatnonzero(poles.imag >= 0)
-    keep = keep[np.argsort(np.abs(poles[keep]))]
-    poles, slopes = poles[keep], slopes[keep]
-    size = np.maximum(np.abs(poles), np.finfo(float).tiny)
-    omega_slope = (np.conj(poles)[:, None] * slopes).real / size[:, None]
-    zeta = -poles.real / size
-    zeta_slope = -slopes.real / size[:, None] - (zeta / size)[:, None] * omega_slope
-    omega_std, zeta_std = (
-        np.sqrt(np.maximum(np.einsum("kp,pq,kq->k", J, covariance, J), 0.0))
-        for J in (omega_slope, zeta_slope)
-    )
-    return ModalUncertainty(poles, np.abs(poles), omega_std, zeta, zeta_std)
+    poles, slopes = poles[poles.imag >= 0], slopes[poles.imag >= 0]
+    size = np.abs(poles)
+    scale = np.where(size > 0, size, np.nan)  # a rigid body has no damping ratio
+    of_omega = (np.conj(poles)[:, None] * slopes).real / scale[:, None]
+    zeta = np.divide(-poles.real, size, out=np.zeros_like(size), where=size > 0)
+    of_zeta = -(slopes.real + zeta[:, None] * of_omega) / scale[:, None]
+    of_zeta[poles.imag == 0] = 0.0  # one or minus one, whatever the entries
+    both, parts = np.vstack([of_omega, of_zeta]), np.vstack([slopes.real, slopes.imag])
+    return ModalUncertainty(poles, size, zeta, _through(both, covariance), _through(parts, covariance))
+
+
+def uncertainty_of(estimate: Estimate) -> ModalUncertainty | None:
+    """Of an estimate whose poles are those of its M, D, K; None where it has no covariance, or other poles."""
+    parts = estimate.M, estimate.D, estimate.K, estimate.covariance
+    if any(part is None for part in parts) or estimate.poles is None:
+        return None
+    found = modal_uncertainty(*parts)  # type: ignore[arg-type]
+    given = np.asarray(estimate.poles)
+    given = given[pole_order(given)]
+    given = given[given.imag >= 0]
+    same = len(given) == len(found.poles) and np.allclose(given, found.poles, SAME_POLES, 0)
+    return found if same else None
+
+
+def _through(slopes: Array, covariance: Array) -> Array:
+    """slopes covariance slopes'; infinite where an infinite variance takes part."""
+    blind = np.isinf(np.diag(covariance))
+    finite = np.where(np.isfinite(covariance), covariance, 0.0)
+    found = slopes @ finite @ slopes.T
+    touched = np.abs(slopes[:, blind]).max(axis=1, initial=0.0) > 0
+    found[touched, touched] = np.inf
+    return found
+
+
+def _deviations(covariance: Array) -> Array:
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -10,11 +10,14 @@ from typing import Any, Literal
 import numpy as np
 
 from sysid_bench.mechanics.second_order import frequencies_and_damping
+from sysid_bench.mechanics.uncertainty import uncertainty_of
 from sysid_bench.nouns import Array, Estimate, Model, Record
 from sysid_bench.views.html import flat, image, render, write_page
 from sysid_bench.views.identify_figures import MATRICES, Z95, unit, write_figures
 from sysid_bench.views.rerun_identify import write_identify_rrd
 from sysid_bench.views.simulated import fit_numbers, simulate
+
+TURN = 2 * np.pi
 
 
 def write_identify_report(
@@ -83,11 +86,22 @@ def _entry(value: Array, half: Array | None, i: int, j: int) -> tuple[str, str]:
     return f"{value[i, j]:.5g}", "" if half is None else f"± {half[i, j]:.2g}"
 
 
-def _modes(estimate: Estimate) -> list[tuple[str, str, str]]:
+def _modes(estimate: Estimate) -> list[list[tuple[str, str]]]:
+    """Rows of (value, ± half width): natural frequency in rad/s and Hz, damping ratio."""
     if estimate.poles is None or not len(estimate.poles):
         return []
     omega, zeta = frequencies_and_damping(np.asarray(estimate.poles))
-    return [(f"{w:.5g}", f"{w / (2 * np.pi):.5g}", f"{z:.4g}") for w, z in zip(omega, zeta)]
+    known = uncertainty_of(estimate)
+    of_omega, of_zeta = ([None] * len(omega),) * 2 if known is None else (known.omega_n_std, known.zeta_std)
+    return [
+        [_mode_entry(w, of_w), _mode_entry(w / TURN, of_w, TURN), _mode_entry(z, of_z)]
+        for w, z, of_w, of_z in zip(omega, zeta, of_omega, of_zeta)
+    ]
+
+
+def _mode_entry(value: float, std: float | None, unit: float = 1.0) -> tuple[str, str]:
+    known = std is not None and np.isfinite(std)
+    return f"{value:.5g}", f"± {Z95 * std / unit:.2g}" if known else ""
 
 
 def _diagnostics(estimate: Estimate) -> list[tuple[str, str]]:
