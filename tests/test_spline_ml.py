@@ -149,6 +149,36 @@ def test_definite_matrices_stay_definite() -> None:
     assert relative_error(definite.D, plant.damping) < relative_error(free.D, plant.damping)
 
 
+def test_proportional_damping_is_kept_and_its_interval_is_right() -> None:
+    plant = plant_named("three_dof")  # D = K / 10
+    exact, _ = record_of(plant, 0.25, N=1500, per_knot=4)
+    assert worst_error(SplineML(damping="proportional").fit(exact, Model(n=3)), plant) < 1e-10
+    rng, free, kept = np.random.default_rng(2), [], []
+    for _ in range(60):
+        noisy = replace(exact, y=exact.y + 0.2 * exact.y.std(axis=0) * rng.standard_normal(exact.y.shape))
+        free.append(relative_error(SplineML().fit(noisy, Model(n=3)).D, plant.damping))
+        estimate = SplineML(damping="proportional").fit(noisy, Model(n=3))
+        kept.append(((estimate.D - plant.damping) / estimate.std("D"))[np.triu_indices(3)])
+        factors = np.linalg.lstsq(np.stack([estimate.M.ravel(), estimate.K.ravel()], 1), estimate.D.ravel())
+        assert np.linalg.norm(factors[1]) < 1e-20
+    assert relative_error(estimate.D, plant.damping) < np.median(free)
+    assert 0.8 < np.sqrt(np.mean(np.square(kept))) < 1.2
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_undamped_and_repeated_modes_are_no_case_of_their_own(damping: float) -> None:
+    """Two of three modes coincide exactly; each entry within its interval, none of the frequencies told apart."""
+    M, turn = np.diag([1.0, 2.0, 1.5]), np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    root = np.sqrt(M)
+    plant = Plant(M, damping * M, root @ turn @ np.diag([4.0, 4.0, 9.0]) @ turn.T @ root)
+    record, _ = record_of(plant, 0.2, N=1500, per_knot=4)
+    assert worst_error(SplineML().fit(record, Model(n=3)), plant) < 1e-8
+    noisy, variance = record_of(plant, 0.2, N=1500, per_knot=4, snr_db=15)
+    estimate, bound = SplineML().fit(noisy, Model(n=3)), crlb(plant, noisy, variance)
+    pairs = (("M", plant.mass), ("D", plant.damping), ("K", plant.stiffness))
+    assert all(relative_error(getattr(estimate, x), X) < 3 * getattr(bound, x) for x, X in pairs)
+
+
 def test_what_cannot_be_told_is_named() -> None:
     """The third mass hangs by itself and swings freely: only its frequency and damping show."""
     plant = Plant(

@@ -11,9 +11,10 @@ from scipy.signal import lfilter
 
 from sysid_bench.mechanics.estimation import Fit, fit_problem, problem_of
 from sysid_bench.mechanics.fisher import Bound, bound_of, crlb, inverse_information
-from sysid_bench.mechanics.identifiability import identifiability
+from sysid_bench.mechanics.identifiability import entry_names, identifiability
+from sysid_bench.mechanics.likelihood import maximise
 from sysid_bench.mechanics.modal import sensitivity
-from sysid_bench.mechanics.second_order import ntheta, undamped_modes
+from sysid_bench.mechanics.second_order import ntheta, pack, undamped_modes, unpack
 from sysid_bench.mechanics.simulate import simulate, steps_within
 from sysid_bench.mechanics.snr import noise_variance
 from sysid_bench.nouns import LOST, Array, Diverged, Plant, Record, Sampling
@@ -32,8 +33,11 @@ class Efficiency:
     sensors, forces  how many of the first sensors and forces are left; null: all
     zeta             damping ratio of every mode in place of the plant's damping; null: the plant's
     noise            diagonal | coloured: the noise model of the fit
+    against_truth    search from the truth too
 
-    Returns X_error and X_over_bound for X in M, D, K, fit_s, iterations, rank and condition of the information.
+    Returns X_error and X_over_bound for X in M, D, K, worst_over_bound, fit_s, iterations, rank and condition of the
+    information; against_truth: X_over_bound_from_truth, worst_over_bound_from_truth, and truth_ahead, the log-likelihood by
+    which the maximum found from the truth is the higher.
     """
 
     knot_spacing_s: float = 1.0
@@ -44,6 +48,7 @@ class Efficiency:
     forces: int | None = None
     zeta: float | None = None
     noise: str = "diagonal"
+    against_truth: bool = False
 
     def compute(self, plant: Plant, sampling: Sampling, rng: np.random.Generator) -> dict[str, float]:
         """Raises Diverged where the search does not end in a maximum."""
@@ -57,7 +62,8 @@ class Efficiency:
         seconds = time.perf_counter() - start
         if not fit.maximum.converged:
             raise Diverged("the search did not end in a maximum")
-        return _numbers(plant, fit, bound) | {"fit_s": seconds}
+        numbers = _numbers(plant, fit.matrices, bound) | _of_search(fit) | {"fit_s": seconds}
+        return numbers | (_from_truth(plant, fit, bound) if self.against_truth else {})
 
     def _changed(self, plant: Plant) -> Plant:
         damping = plant.damping
@@ -106,15 +112,30 @@ def _gain(ar: list[float]) -> float:
     return float(np.sum(lfilter([1.0], [1.0, *ar], impulse) ** 2))
 
 
-def _numbers(plant: Plant, fit: Fit, bound: Bound) -> dict[str, float]:
-    told = identifiability(fit.maximum.H, fit.problem.free, plant.n)
-    numbers = {
+def _of_search(fit: Fit) -> dict[str, float]:
+    told = identifiability(fit.maximum.H, entry_names(fit.problem.maps.n))
+    return {
         "iterations": float(fit.maximum.iterations),
         "information_rank": float(told.rank),
         "information_condition": told.condition,
     }
-    for name, got, truth in zip("MDK", fit.matrices, (plant.mass, plant.damping, plant.stiffness)):
+
+
+def _numbers(plant: Plant, found: tuple[Array, Array, Array], bound: Bound) -> dict[str, float]:
+    numbers = {}
+    for name, got, truth in zip("MDK", found, (plant.mass, plant.damping, plant.stiffness)):
         scale = np.linalg.norm(truth) or 1.0
         numbers[f"{name}_error"] = float(np.linalg.norm(got - truth) / scale)
         numbers[f"{name}_over_bound"] = numbers[f"{name}_error"] / getattr(bound, name)
-    return numbers
+    worst = max(value for name, value in numbers.items() if name.endswith("over_bound"))
+    return numbers | {"worst_over_bound": worst}
+
+
+def _from_truth(plant: Plant, fit: Fit, bound: Bound) -> dict[str, float]:
+    """What the same search gives from the truth, on the same bins."""
+    with np.errstate(all="ignore"):
+        other = maximise(fit.runs, pack(plant.mass, plant.damping, plant.stiffness))
+    numbers = _numbers(plant, unpack(other.theta, plant.n), bound)
+    return {f"{k}_from_truth": v for k, v in numbers.items() if k.endswith("over_bound")} | {
+        "truth_ahead": float(fit.cost - other.cost)
+    }

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.identifiability import Identifiability, drowned, entry_names, identifiability
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
 from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, evaluate, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
+from sysid_bench.mechanics.proportional import proportional_parameters, proportions
 from sysid_bench.mechanics.response import POWER, Maps
 from sysid_bench.mechanics.samples import even_samples
-from sysid_bench.mechanics.second_order import free_mask, ntheta, pack, poles, unpack
+from sysid_bench.mechanics.second_order import free_mask, ntheta, pack, unpack
 from sysid_bench.mechanics.start import starts
 from sysid_bench.mechanics.suitability import require_channels
-from sysid_bench.nouns import Array, Diverged, Estimate, InputError, Model, NotApplicable, Record
+from sysid_bench.nouns import Array, Diverged, InputError, Model, NotApplicable, Record
 
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
-SHORT_RECORD = 5.0  # periods of the slowest mode
 ENOUGH_BINS = 500  # to approach the maximum on
 SLACK = 0.05  # how negative an estimate may be by noise, relative
 SAME_MAXIMUM = 0.1  # of log-likelihood
@@ -33,7 +30,7 @@ REWEIGHTED = 2  # times the noise spectrum is estimated anew
 @dataclass(frozen=True, eq=False)
 class Problem:
     """What is to be estimated from what. free (ntheta,); known (ntheta,): values of entries that are not free;
-    guess (ntheta,) or None: values to start from where the records alone give no start."""
+    guess (ntheta,) or None: values to start from where the records alone give no start; proportional: D = a M + b K."""
 
     records: tuple[Record, ...]
     maps: Maps
@@ -42,6 +39,7 @@ class Problem:
     guess: Array | None
     noise: str
     definite: bool
+    proportional: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +59,9 @@ class Fit:
         return unpack(self.maximum.theta, self.problem.maps.n)
 
 
-def problem_of(records: list[Record], model: Model, noise: str, definite: bool, nominal: bool) -> Problem:
+def problem_of(
+    records: list[Record], model: Model, noise: str, definite: bool, nominal: bool, proportional: bool = False
+) -> Problem:
     """Checks that records and model belong together. Raises InputError, NotApplicable."""
     if model.effects:
         raise NotApplicable("this method is for linear models; the model has effects.")
@@ -70,14 +70,15 @@ def problem_of(records: list[Record], model: Model, noise: str, definite: bool, 
     free = free_mask(model)
     if not free.all() and not model.has_values:
         raise InputError("entries that are not free need values: give mass, damping and stiffness.")
-    if definite and not free.all():
-        raise InputError("definite: true is for matrices with all entries free; leave out the free masks.")
+    if (definite or proportional) and not free.all():
+        wish = "definite: true" if definite else "damping: proportional"
+        raise InputError(f"{wish} is for matrices with all entries free; leave out the free masks.")
     known = (
         pack(model.mass, model.damping, model.stiffness) if model.has_values else np.zeros(ntheta(model.n))
     )
     maps = Maps(model.input_map, model.output_map, POWER[model.output])
     guess = known if nominal and model.has_values else None
-    return Problem(tuple(records), maps, free, known, guess, noise, definite)
+    return Problem(tuple(records), maps, free, known, guess, noise, definite, proportional)
 
 
 def fit_problem(problem: Problem, hold: str) -> Fit:
@@ -205,6 +206,8 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
         if found.converged and all(np.linalg.eigvalsh(X)[0] > 0 for X in unpack(found.theta, n)):
             return found
         return maximise(runs, factor(found.theta, n), definite_parameters(n))
+    if problem.proportional:
+        return maximise(runs, proportions(theta, n), proportional_parameters(n))
     if free.all():
         return maximise(runs, theta)
     T = np.eye(len(theta))[:, free]
@@ -215,77 +218,3 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
         return full
 
     return maximise(runs, theta[free], Parameters(value, lambda phi: T))
-
-
-def covariance_of(fit: Fit) -> Array:
-    """(ntheta, ntheta) inverse information; zero rows for entries that were not free, infinite variances for
-    those that the record cannot tell."""
-    free = fit.problem.free
-    H = fit.maximum.H[np.ix_(free, free)]
-    d = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    observed = sum(run.count * len(run.maps.C) for run in fit.runs)
-    spent = free.sum() + 2 * fit.problem.maps.n * len(fit.runs)
-    inverse = np.linalg.pinv(H / np.outer(d, d), rcond=1e-13, hermitian=True) / np.outer(d, d)
-    covariance = np.zeros_like(fit.maximum.H)
-    covariance[np.ix_(free, free)] = inverse * observed / max(observed - spent, 1.0)
-    return covariance
-
-
-def _told(fit: Fit) -> tuple[Array, Identifiability]:
-    """Covariance with infinite variances for what the record cannot tell, and the names of that."""
-    n = fit.problem.maps.n
-    told, covariance = identifiability(fit.maximum.H, fit.problem.free, n), covariance_of(fit)
-    blind = np.isin(entry_names(n), told.untold)
-    covariance[blind, blind] = np.inf
-    return covariance, replace(told, untold=told.untold or drowned(covariance, fit.maximum.theta, n))
-
-
-def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
-    """The Estimate of a fit. Raises Diverged where the search did not settle."""
-    M, D, K = fit.matrices
-    if not fit.maximum.converged:
-        raise Diverged(f"no maximum of the likelihood in {fit.maximum.iterations} iterations.")
-    if not is_sound(fit):
-        raise Diverged(
-            "the likelihood was highest for a plant that cannot exist: too little signal for this model."
-        )
-    covariance, told = _told(fit)
-    found = poles(M, D, K)
-    diagnostics = {
-        **{k: v for k, v in said.items() if not k.endswith("warning")},
-        "iterations": fit.maximum.iterations,
-        "band_rad_s": float(fit.runs[0].data.omega[fit.runs[0].F - 1]),
-        "bins": fit.runs[0].F,
-        "log_likelihood": -float(fit.cost),
-        "periods": _periods(fit, found),
-        "information_rank": told.rank,
-        "information_condition": told.condition,
-        "cannot_be_told": ", ".join(told.untold),
-        "warning": "; ".join(
-            [*(v for k, v in said.items() if k.endswith("warning")), *_warnings(fit, told, found)]
-        ),
-    }
-    return Estimate(M=M, D=D, K=K, covariance=covariance, poles=found, diagnostics=diagnostics)
-
-
-def _periods(fit: Fit, found: NDArray[Any]) -> float:
-    return float(min(r.data.N * r.data.h for r in fit.runs) * np.abs(found).min() / (2 * np.pi))
-
-
-def _warnings(fit: Fit, told: Identifiability, found: NDArray[Any]) -> list[str]:
-    said = [
-        note for r, run in zip(fit.problem.records, fit.runs) if (note := even_samples(r, run.data.hold).note)
-    ]
-    if _periods(fit, found) < SHORT_RECORD:
-        said.append(f"the record holds {_periods(fit, found):.1f} periods of the slowest mode, fewer than 5")
-    if unexplained(fit) > 1:
-        said.append(
-            "the residual in the band is above the noise beyond it: coloured noise (try noise=coloured), a wrong "
-            "hold, or more than a linear model"
-        )
-    nyquist = min(np.pi / r.data.h for r in fit.runs)
-    if np.abs(found).max() > nyquist:
-        said.append("a mode lies above the Nyquist frequency: sample faster")
-    if told.untold:
-        said.append(f"the record cannot tell {', '.join(told.untold)}")
-    return said

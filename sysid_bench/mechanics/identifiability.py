@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics.second_order import pairs
 from sysid_bench.nouns import Array
@@ -16,7 +16,7 @@ SHARE = 0.1  # of a blind direction's largest component: entries that take part 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """rank of the information of `count` free entries, its condition, names of entries that cannot be told."""
+    """rank of the information of `count` unknowns, its condition, names of entries that cannot be told."""
 
     count: int
     rank: int
@@ -29,19 +29,19 @@ def entry_names(n: int) -> list[str]:
     return [f"{name}[{i},{j}]" for name in "MDK" for i, j in pairs(n)]
 
 
-def identifiability(H: Array, free: NDArray[np.bool_], n: int) -> Identifiability:
-    """H (ntheta, ntheta) information; scaled to a unit diagonal first, so that units play no part."""
-    part = H[np.ix_(free, free)]
-    d = np.sqrt(np.maximum(np.diag(part), 0.0))
+def identifiability(H: Array, names: Sequence[str]) -> Identifiability:
+    """H (nphi, nphi) information of the named unknowns; scaled to a unit diagonal first, so that units play no part."""
+    d = np.sqrt(np.maximum(np.diag(H), 0.0))
     seen = d > 0
-    scaled = np.where(np.outer(seen, seen), part / np.outer(np.where(seen, d, 1), np.where(seen, d, 1)), 0.0)
+    scaled = np.where(np.outer(seen, seen), H / np.outer(np.where(seen, d, 1), np.where(seen, d, 1)), 0.0)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
     blind = values < BLIND * values[-1]
     weight = np.abs(vectors[:, blind]).max(axis=1, initial=0.0)
-    names = np.array(entry_names(n))[free]
-    untold = tuple(names[weight > SHARE * max(weight.max(initial=0.0), 1e-300)]) if blind.any() else ()
+    untold = (
+        tuple(np.array(names)[weight > SHARE * max(weight.max(initial=0.0), 1e-300)]) if blind.any() else ()
+    )
     return Identifiability(
-        int(free.sum()), int((~blind).sum()), float(values[-1] / max(values[0], 1e-300)), untold
+        len(names), int((~blind).sum()), float(values[-1] / max(values[0], 1e-300)), untold
     )
 
 

@@ -33,7 +33,7 @@ from sysid_bench.nouns import Array, Diverged
 Complex = NDArray[np.complex128]
 IMAGES = (0, -1, 1)
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
-LIMIT = 60
+LIMIT = 120
 FAILURES = 9
 ROUNDING = 1e-9  # of the output
 

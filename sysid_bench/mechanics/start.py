@@ -19,7 +19,7 @@ from sysid_bench.mechanics.refined_iv import refine
 from sysid_bench.nouns import Array, Diverged
 
 STEPS = 3
-SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 3.5)  # of the top mode, for the subspace step; each another chance
+SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from sysid_bench.mechanics import jackknife
+from sysid_bench.mechanics.bias import bias_remarks
 from sysid_bench.mechanics.difference import (
+    DifferenceEquation,
     Orders,
     from_theta,
     least_squares,
@@ -87,6 +90,8 @@ class Arx:
                 data = record.u, record.y, orders, equation, self.rounds, parts
                 theta, influences = instruments(*data)
             estimate = self._recovered(record, model, orders, theta, influences)
+            if self.recover == "least_squares":
+                report |= self._noise_bias(record, model, orders, equation, estimate)
         except (Diverged, NotApplicable) as problem:
             estimate = Estimate(reason=f"no M, D, K: {problem}")
         return replace(estimate, coefficients=equation.named(), diagnostics=report)
@@ -102,6 +107,20 @@ class Arx:
 
         poles, (M, D, K) = recovered(theta)
         return Estimate(M, D, K, _covariance(recovered, theta, influences), sort_poles(poles))
+
+    def _noise_bias(
+        self, record: Record, model: Model, orders: Orders, equation: DifferenceEquation, found: Estimate
+    ) -> dict[str, Any]:
+        """How far the estimate is from that of instruments, which output noise does not bias."""
+        name, what = "noise_bias_over_std", "the bias that output noise gives least squares"
+        parts = jackknife.blocks(record.N - orders.start, 0, 2 * (orders.start + 1))
+        try:
+            theta, influences = instruments(record.u, record.y, orders, equation, self.rounds, parts)
+            other = self._recovered(record, model, orders, theta, influences)
+        except (Diverged, NotApplicable, np.linalg.LinAlgError):
+            return {"warning": "whether output noise biases the least squares could not be checked"}
+        bias = pack(found.M, found.D, found.K) - pack(other.M, other.D, other.K)
+        return bias_remarks(bias, found.covariance, name, what, counted=False)
 
 
 def _covariance(recovered, theta: Array, influences: Array) -> Array | None:

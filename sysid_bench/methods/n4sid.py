@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sysid_bench.mechanics import jackknife
+from sysid_bench.mechanics.bias import bias_remarks
 from sysid_bench.mechanics.projection import PROJECTIONS, project
 from sysid_bench.mechanics.second_order import pack
 from sysid_bench.mechanics.subspace import WEIGHTS
@@ -15,6 +17,7 @@ from sysid_bench.mechanics.suitability import hold_of, require_plain
 from sysid_bench.nouns import Array, Diverged, Estimate, InputError, Model, Record
 
 HOLD_CHOICES = ("zoh", "record")
+HEALTHY_HORIZON = 0.3  # of the shortest period: measured, docs/methods/subspace.md
 
 
 @dataclass(frozen=True)
@@ -75,15 +78,20 @@ class N4sid:
             reason = f"no M, D, K: the order is {found.order}, not {2 * model.n}."
             return Estimate(poles=poles, state_space=space, reason=reason, diagnostics=_report(found))
         M, D, K = project(found.continuous_form(), model, self.projection)
-        covariance = self._covariance(found, model, actual)
-        return Estimate(M, D, K, covariance, poles, space, diagnostics=_report(found))
+        covariance, remarks = self._covariance(found, model, actual)
+        report = _report(found) | _said(remarks, _horizon_warning(found, poles, record.h))
+        return Estimate(M, D, K, covariance, poles, space, diagnostics=report)
 
     def _horizon(self, record: Record, nx: int) -> int | None:
         if self.horizon_s is None:
             return self.horizon
         return max(round(self.horizon_s / record.h), -(-nx // record.ny) + 1)
 
-    def _covariance(self, found: SubspaceModel, model: Model, actual: str) -> Array | None:
+    def _covariance(
+        self, found: SubspaceModel, model: Model, actual: str
+    ) -> tuple[Array | None, dict[str, Any]]:
+        """Of theta, and diagnostics on the bias of the hold."""
+
         def theta(of: SubspaceModel, *replicate) -> Array:
             return pack(*project(of.continuous_form(*replicate), model, self.projection))
 
@@ -94,12 +102,29 @@ class N4sid:
                 return None
 
         if not self.blocks:
-            return None
+            return None, {}
         covariance = jackknife.covariance([or_none(one) for one in found.without_blocks(self.blocks)])
-        if covariance is None or not self.bias_in_interval or found.hold == actual:
-            return covariance
+        if covariance is None or found.hold == actual:
+            return covariance, {}
         bias = theta(found) - theta(found.behind(actual))
-        return covariance + np.outer(bias, bias)
+        what = f"the bias of a {found.hold} conversion of a record behind {actual}"
+        remarks = bias_remarks(bias, covariance, "hold_bias_over_std", what, self.bias_in_interval)
+        return covariance + (np.outer(bias, bias) if self.bias_in_interval else 0.0), remarks
+
+
+def _horizon_warning(found: SubspaceModel, poles: np.ndarray, h: float) -> str:
+    shortest = 2 * np.pi / max(np.abs(poles).max(initial=0.0), np.finfo(float).tiny)
+    if found.i * h >= HEALTHY_HORIZON * shortest:
+        return ""
+    return (
+        f"the horizon of {found.i * h:.3g} s is short beside the shortest period, {shortest:.3g} s: the intervals do not "
+        "count what that does; set horizon_s, or method=n4sid_frf or spline_ml"
+    )
+
+
+def _said(remarks: dict[str, Any], more: str) -> dict[str, Any]:
+    both = [text for text in (remarks.get("warning", ""), more) if text]
+    return remarks | ({"warning": "; ".join(both)} if both else {})
 
 
 def _report(found: SubspaceModel) -> dict[str, float]:

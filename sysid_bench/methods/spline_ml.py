@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_bench.mechanics.estimation import Fit, Problem, estimate_of, fit_hold, fit_problem, problem_of
+from sysid_bench.mechanics.estimation import Fit, Problem, fit_hold, fit_problem, problem_of
+from sysid_bench.mechanics.fit_report import estimate_of
 from sysid_bench.nouns import HOLDS, Estimate, InputError, Model, Record
 
 UNDECIDED = 3.0  # log-likelihood: below this another hold explains the record about as well
@@ -25,6 +26,7 @@ class SplineML:
     hold      record (the model's, else the record's, else auto) | auto (by likelihood) | zoh | foh | cubic | bandlimited
     noise     diagonal (a variance per sensor) | full (a covariance) | coloured (a spectrum per sensor)
     definite  keep M and K positive definite and D positive semidefinite
+    damping   free | proportional (D = alpha M + beta K, both estimated)
     nominal   start at the model's values where the record alone gives no start
 
     Flagged samples count as missing, times with holes are put on their grid; other uneven times are resampled.
@@ -34,6 +36,7 @@ class SplineML:
     hold: str = "record"
     noise: str = "diagonal"
     definite: bool = False
+    damping: str = "free"
     nominal: bool = False
 
     def __post_init__(self) -> None:
@@ -41,11 +44,16 @@ class SplineML:
             raise InputError(f"hold must be record, auto or one of {', '.join(HOLDS)}; got {self.hold!r}.")
         if self.noise not in ("diagonal", "full", "coloured"):
             raise InputError(f"noise must be diagonal, full or coloured; got {self.noise!r}.")
+        if self.damping not in ("free", "proportional"):
+            raise InputError(f"damping must be free or proportional; got {self.damping!r}.")
+        if self.definite and self.damping == "proportional":
+            raise InputError("definite and damping=proportional do not go together: choose one.")
 
     def fit(self, record: Record | Sequence[Record], model: Model) -> Estimate:
         records = [record] if isinstance(record, Record) else list(record)
         with np.errstate(all="ignore"):
-            problem = problem_of(records, model, self.noise, self.definite, self.nominal)
+            settings = self.noise, self.definite, self.nominal, self.damping == "proportional"
+            problem = problem_of(records, model, *settings)
             wanted = self._hold(records[0], model)
             if wanted != "auto":
                 return estimate_of(fit_problem(problem, wanted), {"hold": wanted})

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid_bench.mechanics.bias import bias_remarks
 from sysid_bench.mechanics.cayley import midpoint_start
 from sysid_bench.mechanics.fisher import inverse_information
 from sysid_bench.mechanics.holds import propagate
@@ -91,13 +92,15 @@ class VariationalPem:
         except np.linalg.LinAlgError as problem:
             raise Diverged(f"the minimum is flat: {problem}.") from None
         bias = inverse @ search.distortion(p, hold, found.point)
-        deviation = np.sqrt(np.diag(inverse))
         of_theta = np.flatnonzero(search.live) < count
         report = {
             "iterations": found.iterations,
             "relative_residual": float(np.sqrt(np.mean(found.point.variance / search.record.y.var(axis=0)))),
-            "midpoint_bias_over_std": float(np.max(np.abs(bias / deviation)[of_theta])),
-        }
+            **bias_remarks(
+                bias[of_theta], inverse[np.ix_(of_theta, of_theta)], "midpoint_bias_over_std",
+                f"the bias of the midpoint rule at h = {search.record.h:g} s", self.bias_in_interval,
+            ),
+        }  # fmt: skip
         full = np.zeros((len(p), len(p)))
         full[np.ix_(search.live, search.live)] = inverse + (
             np.outer(bias, bias) if self.bias_in_interval else 0.0
