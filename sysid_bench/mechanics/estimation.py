@@ -23,6 +23,7 @@ EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 ENOUGH_BINS = 500  # to approach the maximum on
 SLACK = 0.05  # how negative an estimate may be by noise, relative
+DIM = 0.25  # of an output's power: with more noise than this, one start is not enough
 SAME_MAXIMUM = 0.1  # of log-likelihood
 REWEIGHTED = 2  # times the noise spectrum is estimated anew
 
@@ -117,8 +118,17 @@ def is_sound(fit: Fit) -> bool:
 
 
 def _explained(fit: Fit) -> bool:
-    """Nothing left in the band but noise, as far as the noise above the band tells."""
-    return fit.problem.noise != "coloured" and unexplained(fit) < 1.0
+    """Nothing left in the band but noise, as far as the noise above the band tells; which is little where the signal is dim."""
+    return fit.problem.noise != "coloured" and _dimness(fit) < DIM and unexplained(fit) < 1.0
+
+
+def _dimness(fit: Fit) -> float:
+    """Largest share over sensors and runs of what is left in the band."""
+    shares = [
+        ((np.abs(fitted.R) ** 2).mean(axis=0) / run.power).max()
+        for run, fitted in zip(fit.runs, fit.maximum.point.runs)
+    ]
+    return float(max(shares))
 
 
 def _confirmed(tries: list[Fit]) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as sl
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
@@ -58,7 +57,7 @@ def modes_of(M: Array, D: Array, K: Array) -> Modes:
     """Eigenvectors of the first-order form. Raises Diverged where M is singular or a matrix is not finite."""
     n = len(M)
     try:
-        gain = sl.inv(M)
+        gain = np.linalg.inv(M)
         A = np.block([[np.zeros((n, n)), np.eye(n)], [-gain @ K, -gain @ D]])
         poles, vectors = np.linalg.eig(A)
         inverse = np.linalg.inv(vectors)

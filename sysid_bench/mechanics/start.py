@@ -12,13 +12,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_bench.mechanics.likelihood import Run, evaluate
+from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
+from sysid_bench.mechanics.likelihood import Run, evaluate, maximise
 from sysid_bench.mechanics.linear_start import equation_error_normal
 from sysid_bench.mechanics.modal_start import modal_start
-from sysid_bench.mechanics.refined_iv import refine
-from sysid_bench.nouns import Array, Diverged
+from sysid_bench.mechanics.refined_iv import definite, refine
+from sysid_bench.mechanics.second_order import pack, unpack
+from sysid_bench.nouns import Array, Diverged, NotApplicable
 
 STEPS = 3
+LIFT = 0.1  # of the largest eigenvalue: where a search among positive matrices starts
 SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
 
@@ -29,6 +32,7 @@ def starts(
     """Functions that return theta (ntheta,), or raise Diverged or NotApplicable."""
     yield lambda: refined_start(runs, free, linear_start(runs, free, known))
     yield lambda: linear_start(runs, free, known)
+    yield lambda: definite_start(runs, free, linear_start(runs, free, known))
     if whole_band:
         for per_period in SAMPLES_PER_PERIOD:
             yield partial(_from_modes, runs[0], free, known, per_period)
@@ -71,6 +75,19 @@ def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Arr
         if gain < SETTLED:
             return theta
     return theta
+
+
+def definite_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
+    """theta (ntheta,) after a search among positive matrices, from theta lifted well into them; all entries free only.
+
+    Noise on the output makes the least-squares matrices too small and indefinite; outside the positive ones lie most
+    of the wrong maxima. Raises NotApplicable with other entries.
+    """
+    if not free.all():
+        raise NotApplicable("a search among positive matrices wants all entries free.")
+    n = runs[0].maps.n
+    lifted = pack(*(definite(X, LIFT) for X in unpack(theta, n)))
+    return maximise(runs, factor(lifted, n), definite_parameters(n)).theta
 
 
 def _cost(theta: Array, runs: list[Run]) -> float:
