@@ -8,43 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from engine import (
-    BOUC_WEN,
-    CONSTANT,
-    COULOMB,
-    CUBIC,
-    CUBIC_DAMPING,
-    DAHL,
-    DRAG,
-    EXPONENTIAL,
-    GAP,
-    LOCAL_DAMPING,
-    PLAY,
-    PRODUCT,
-    RIPPLE,
-    ROOT_SPEED,
-    SINE_SPEED,
-    SLOPE,
-    SQUARE,
-    SQUARE_SPEED,
-    STOP,
-    STRIBECK,
-    SWING,
-    TIMED_DAMPING,
-    TONE,
-    VAN_DER_POL,
-    fine_input,
-    first_order,
-    integrate,
-    slow,
-)  # fmt: skip
+from laws import FORCES as LAWS
+from laws import Law, Site, on_the_input, on_the_sensor, plain, unnamed
+from motion import Hidden, Machine, run, run_in_loop, sensed
+from plants import excite, plant
 
-K8 = [
-    [27071.1, 0, 0, 0, -10000, 0, -3535.5, -3535.5], [0, 17071.1, 0, -10000, 0, 0, -3535.5, -3535.5],
-    [0, 0, 27071.1, 0, -3535.5, 3535.5, -10000, 0], [0, -10000, 0, 17071.1, 3535.5, -3535.5, 0, 0],
-    [-10000, 0, -3535.5, 3535.5, 27071.1, 0, 0, 0], [0, 0, 3535.5, -3535.5, 0, 17071.1, 0, -10000],
-    [-3535.5, -3535.5, -10000, 0, 0, 0, 27071.1, 0], [-3535.5, -3535.5, 0, 0, 0, -10000, 0, 17071.1],
-]  # fmt: skip
 FORCES = (
     "coulomb_friction stribeck_friction presliding_friction quadratic_drag cubic_stiffness quadratic_stiffness dead_zone backlash "
     "bouc_wen_hysteresis end_stop position_ripple time_varying_stiffness missing_coupling extra_mode periodic_disturbance "
@@ -56,10 +24,41 @@ OUTSIDE = (
     "cubic_damping van_der_pol square_speed exponential local_damping timed_damping root_speed sine_speed product "
     "random_force input_square"
 ).split()
+ALONE = ("extra_mode", "periodic_disturbance", "constant_force")  # act on one DOF, never between two
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What makes a trial harder.
+
+    colour: correlation of neighbouring noise samples; sensors: share of the DOFs that is measured; lost: share of the
+    samples that never arrived; in_loop: a controller feeds the position back; wrong_parameters: 10-30 % beside the
+    effect; levels: amplitudes of further training records, of other lengths
+    """
+
+    colour: float = 0.0
+    sensors: float = 1.0
+    lost: float = 0.0
+    in_loop: bool = False
+    wrong_parameters: bool = False
+    levels: tuple[float, ...] = ()
+
+
+STRATA = {
+    "main": Conditions(),
+    "coloured noise": Conditions(colour=0.8),
+    "unmeasured DOFs": Conditions(sensors=0.5),
+    "2 % samples lost": Conditions(lost=0.02),
+    "closed loop": Conditions(in_loop=True),
+    "parameters and an effect": Conditions(wrong_parameters=True),
+    "two amplitudes": Conditions(levels=(0.4,)),
+}
 
 
 @dataclass
 class Trial:
+    """Nominal M, D, K, L, C; records (u, y) with their flags (None: all good); `more` training records; the truth."""
+
     M: np.ndarray
     D: np.ndarray
     K: np.ndarray
@@ -70,53 +69,24 @@ class Trial:
     train: tuple
     test: tuple
     truth: dict
-    C: np.ndarray | None = None
-    quality: tuple = field(default=(None, None))
-
-
-def plant(kind, rng):
-    if kind == "one":
-        return np.eye(1), np.array([[rng.choice([0.15, 0.3, 1.0])]]), np.eye(1), 0.05
-    if kind == "three":
-        K = np.array([[4.0, -1, -1], [-1, 4, -1], [-1, -1, 4]])
-        return np.diag([0.8, 2, 1.2]), 0.1 * K, K, 0.05
-    K = np.array(K8)
-    return 100 * np.eye(8), 0.005 * K + np.eye(8), K, 0.01
-
-
-def excite(kind, N, h, nu, low, high, rng):
-    t, U = np.arange(N) * h, np.zeros((N, nu))
-    for c in range(nu):
-        if kind == "noise":
-            w = 2 * np.pi * np.fft.rfftfreq(N, h)
-            X = (rng.normal(size=len(w)) + 1j * rng.normal(size=len(w))) / (1 + (w / (1.2 * high)) ** 8)
-            X[0] = 0
-            u = np.fft.irfft(X, N)
-        elif kind == "prbs":
-            width = max(1, round(np.pi / high / 1.5 / h))
-            u = np.repeat(rng.choice([-1.0, 1.0], N // width + 1), width)[:N]
-        elif kind == "multisine":
-            base = 2 * np.pi / (N * h / 4)
-            w = base * np.unique(np.round(np.linspace(0.3 * low, 1.6 * high, 60) / base))
-            u = sum(np.sin(x * t + p) for x, p in zip(w, rng.uniform(0, 2 * np.pi, len(w))))
-        else:
-            T = N * h / rng.integers(2, 5)
-            s = t % T
-            f0, f1 = (0.2 * low, 1.6 * high) if c % 2 == 0 else (1.6 * high, 0.2 * low)
-            u = np.sin(f0 * s + (f1 - f0) * s**2 / 2 / T)
-        U[:, c] = u / u.std()
-    return U
+    C: np.ndarray
+    more: list = field(default_factory=list)
+    quality: list = field(default_factory=list)
 
 
 class Draw:
-    """The state of one draw; `trial` runs it."""
+    """The state of one draw; `trial` runs it. `own` draws what only harder conditions need: the rest stays the same."""
 
-    def __init__(self, seed, kind=None, size=None, name=None, strength=(0.1, 0.6), small=12):
+    def __init__(self, seed, kind=None, size=None, name=None, strength=(0.1, 0.6), small=12, stratum="main"):
         self.rng = rng = np.random.default_rng(seed)
+        self.own = np.random.default_rng([seed, 77])
+        self.conditions = STRATA[stratum]
         self.size = size or str(rng.choice(["one", "three", "eight"], p=[0.4, 0.45, 0.15]))
         self.kind = kind or str(
             rng.choice(["single", "double", "none", "parameters", "unknown"], p=[0.6, 0.12, 0.08, 0.08, 0.12])
         )
+        if self.conditions.sensors < 1 and self.size == "one":
+            self.size = "three"
         self.M, self.D, self.K, self.h = plant(self.size, rng)
         self.n = n = len(self.M)
         self.nominal = [self.M.copy(), self.D.copy(), self.K.copy()]
@@ -124,97 +94,111 @@ class Draw:
         self.L = np.zeros((n, nu))
         for c, i in enumerate(rng.permutation(n)[:nu]):
             self.L[i, c] = 1
+        self._draw_inputs(nu)
+        self.hidden, self.small = Hidden(), small
+        self.base = run(self.machine, self.hidden, self.us[0], 3)
+        verdict = self.kind if self.kind in ("none", "parameters", "unknown") else "effect"
+        self.truth = {"verdict": verdict, "effects": [], "stratum": stratum}
+        self.strength, self.name = strength, name
+
+    def _draw_inputs(self, nu: int) -> None:
+        rng, n = self.rng, self.n
         self.ex = str(rng.choice(["noise", "prbs", "multisine", "chirp"]))
         self.hold = (
             "zoh" if self.ex == "prbs" else str(rng.choice(["cubic", "zoh", "foh"], p=[0.6, 0.2, 0.2]))
         )
+        if self.conditions.in_loop:
+            self.hold = "zoh"
         self.N = int(rng.choice([6000, 8000, 10000]))
         w = np.sqrt(np.linalg.eigvals(np.linalg.solve(self.M, self.K)).real)
         self.low, self.high = w.min(), w.max()
-        self.small = small
         amplitude = rng.uniform(0.5, 2) * (1 if n < 8 else 4e3)
         self.us = [
             amplitude * excite(self.ex, self.N, self.h, nu, self.low, self.high, rng) for _ in range(2)
         ]
-        self.kinds, self.places, self.P, self.path, self.sensor, self.random = [], [], [], [], [], None
-        self.base = self.run(self.us[0], 3)
-        self.truth = {
-            "verdict": self.kind if self.kind in ("none", "parameters", "unknown") else "effect",
-            "effects": [],
-        }
-        self.strength, self.name = strength, name
+        for level in self.conditions.levels:
+            N = int(0.6 * self.N)
+            u = excite(self.ex, N, self.h, nu, self.low, self.high, self.own)
+            self.us.append(level * amplitude * u)
 
-    def run(self, u, small, effects=False, x0=None):
-        path = self.path if effects else []
-        delay = np.zeros(u.shape[1])
-        for nm, ch, p in path:
-            if nm == "input_delay":
-                delay[ch] += p
-        w = np.column_stack(
-            [fine_input(u[:, [c]], self.h, self.hold, small, delay[c])[:, 0] for c in range(u.shape[1])]
-        )
-        d = self.h / (2 * small)
-        for nm, ch, p in path:
-            if nm == "saturation":
-                w[:, ch] = np.clip(w[:, ch], -p, p)
-            if nm == "input_dead_band":
-                w[:, ch] -= np.clip(w[:, ch], -p, p)
-            if nm == "input_square":
-                w[:, ch] += p * (w[:, ch] ** 2 - np.mean(w[:, ch] ** 2))
-            if nm == "rate_limit":
-                w[:, ch] = slow(w[:, ch].copy(), p * d)
-        is_held = self.hold == "zoh"
-        for nm, ch, p in path:
-            if nm == "actuator_lag":
-                w[:, ch] = first_order(w[:, ch].copy(), d, p, self.hold == "zoh")
-                is_held = False
-        f = w @ self.L.T
-        M, D, K = self.M, self.D, self.K
-        kinds, places, P = (self.kinds, self.places, self.P) if effects else ([], [], [])
-        if effects and self.random is not None:
-            f = f + np.outer(
-                np.interp(np.arange(len(f)) / (2 * small), np.arange(self.N), self.random[1][:, 0]),
-                self.random[0],
-            )
-        n = self.n
-        hidden = [e for e in self.extra] if effects and getattr(self, "extra", None) else []
-        for i, m, k, dm in hidden:
-            M, D, K = (np.pad(X, ((0, 1), (0, 1))) for X in (M, D, K))
-            M[-1, -1] = m
-            b = np.zeros(len(M))
-            b[i], b[-1] = 1, -1
-            K = K + k * np.outer(b, b)
-            D = D + dm * np.outer(b, b)
-            f = np.pad(f, ((0, 0), (0, 1)))
-        places = np.array([np.pad(c, (0, len(M) - n)) for c in places]).reshape(len(kinds), len(M))
-        P = np.array([list(p) + [0.0] * (6 - len(p)) for p in P]).reshape(len(kinds), 6)
-        q0 = np.zeros(len(M))
-        v0 = np.zeros(len(M))
-        if x0 is not None:
-            q0[:n], v0[:n] = x0[0], x0[1]
-            for k in range(n, len(M)):
-                q0[k] = q0[hidden[k - n][0]]
-        Q, V = integrate(
-            M,
-            D,
-            K,
-            np.ascontiguousarray(f),
-            self.h,
-            small,
-            is_held,
-            np.array(kinds, dtype=np.int64),
-            places,
-            P,
-            q0,
-            v0,
-        )
-        return Q[:, :n], V[:, :n]
+    @property
+    def machine(self) -> Machine:
+        return Machine(self.M, self.D, self.K, self.L, self.h, self.hold)
+
+    def trial(self, nominal_spread=None) -> Trial:
+        """The records of the drawn machine, and what the model says of it. truth["bad"]: no fair case."""
+        self._choose()
+        self.blur(nominal_spread)
+        snr, free = self.rng.uniform(15, 40), self.rng.random() < 0.3
+        measured = [self._measured(u, snr, free) for u in self.us]
+        noise = [y - clean for _, y, clean in measured]
+        data = [(u, sensed(self.hidden, y)) for u, y, _ in measured]
+        bad = self._bad(data)
+        C = self._sensors()
+        share = np.sqrt(np.mean(np.mean(noise[1] ** 2, axis=0) / np.mean(data[1][1] ** 2, axis=0)))
+        self.truth.update(
+            size=self.size, excitation=self.ex, hold=self.hold, snr_db=float(snr), kind=self.kind, bad=bad,
+            noise_share=float(share), true=[X.tolist() for X in (self.M, self.D, self.K)],
+        )  # fmt: skip
+        data = [(u, y @ C.T) for u, y in data]
+        quality = [self._flags(len(u)) for u, _ in data]
+        data = [
+            (u, y if q is None else np.where(q[:, None] > 0, np.nan, y)) for (u, y), q in zip(data, quality)
+        ]
+        return Trial(
+            *self.nominal, self.L, self.h, self.hold, "free" if free else "at_rest", data[0], data[1], self.truth,
+            C, data[2:], quality,
+        )  # fmt: skip
+
+    def _choose(self) -> None:
+        rng = self.rng
+        if self.kind == "single":
+            self.add(self.name or str(rng.choice(self.available())))
+        elif self.kind == "double":
+            names = [x for x in FORCES if self.n > 1 or x != "missing_coupling"]
+            for name in rng.choice(names, 2, replace=False):
+                self.add(str(name))
+        elif self.kind == "unknown":
+            self.strength = (0.3, 0.7)
+            self.add(self.name or str(rng.choice(OUTSIDE)))
+
+    def available(self) -> list[str]:
+        names = FORCES if self.conditions.in_loop else (*FORCES, *ACTUATORS, *SENSORS)
+        return [x for x in names if self.n > 1 or x != "missing_coupling"]
+
+    def add(self, name: str) -> None:
+        """Hide one more effect at a random place."""
+        rng = self.rng
+        s = rng.uniform(*self.strength)
+        c, place = self.place(0 if name in ALONE else 0.35)
+        site = self._site(s, c)
+        values: dict = {}
+        if name in LAWS:
+            values = self._force(LAWS[name](site), c)
+        elif name == "missing_coupling":
+            place, values = self._coupling()
+        elif name == "extra_mode":
+            values = self._mode(place)
+        elif name in ACTUATORS:
+            name, place, values = self._actuator(name)
+        elif name in SENSORS:
+            place = int(rng.integers(self.n))
+            key, value = on_the_sensor(name, self.base[0][:, place], site.sign, rng)
+            self.hidden.sensor.append((name, place, value))
+            values = {key: value / site.seconds if name == "sensor_drift" else value}
+        else:
+            self._outside(name, site, c)
+        if name in OUTSIDE:
+            self.truth["outside"] = name
+        else:
+            self.truth["effects"].append({"name": name, "dof": place, "values": plain(values)})
 
     def place(self, pairs=0.35):
+        """(c (n,), DOF or pair): a pair that a spring links, with the given probability."""
         rng, n = self.rng, self.n
         c = np.zeros(n)
-        linked = [(i, j) for i in range(n) for j in range(i + 1, n) if self.K[i, j] < 0]
         if n > 1 and rng.random() < pairs:
+            linked = self._linked()
             i, j = linked[rng.integers(len(linked))]
             c[i], c[j] = 1, -1
             return c, [i, j]
@@ -222,230 +206,157 @@ class Draw:
         c[i] = 1
         return c, i
 
-    def add(self, name):
-        rng = self.rng
-        s = rng.uniform(*self.strength)
-        single = name in ("extra_mode", "periodic_disturbance", "constant_force")
-        c, place = self.place(0 if single else 0.35)
+    def _linked(self) -> list[tuple[int, int]]:
+        return [(i, j) for i in range(self.n) for j in range(i + 1, self.n) if self.K[i, j] < 0]
+
+    def _site(self, s: float, c: np.ndarray) -> Site:
         x, v = self.base[0] @ c, self.base[1] @ c
-        sx, sv, top = x.std(), v.std(), np.abs(x).max()
         kc = (c @ self.K @ c) / (c @ c) ** 2 if c @ c > 1 else c @ self.K @ c
-        size = kc * sx
+        return Site(
+            self.rng, s, x.std(), v.std(), np.abs(x).max(), kc, self.rng.choice([-1, 1]), self.low, self.high,
+            self.N * self.h, self.n,
+        )  # fmt: skip
 
-        def law(kind, *p):
-            self.kinds.append(kind), self.places.append(c), self.P.append(p)
+    def _force(self, law: Law, c: np.ndarray) -> dict:
+        self.hidden.laws.append((law.kind, c, law.p))
+        return law.values
 
-        sign = rng.choice([-1, 1])
-        if name == "coulomb_friction":
-            law(COULOMB, 0.7 * s * size, rng.uniform(0.002, 0.01) * sv)
-        elif name == "stribeck_friction":
-            law(
-                STRIBECK,
-                0.4 * s * size,
-                s * size * rng.uniform(0.4, 1),
-                sv * rng.uniform(0.1, 0.4),
-                0.005 * sv,
-            )
-        elif name == "presliding_friction":
-            F, reach = 0.7 * s * size, rng.uniform(0.08, 0.4) * sx
-            law(DAHL, F / reach, reach)
-        elif name == "quadratic_drag":
-            law(DRAG, 0.5 * s * size / sv**2)
-        elif name == "cubic_stiffness":
-            law(CUBIC, rng.choice([1, 1, 1, -0.15]) * 0.4 * s * size / sx**3)
-        elif name == "quadratic_stiffness":
-            law(SQUARE, sign * 0.25 * s * size / sx**2)
-        elif name == "dead_zone":
-            law(GAP, kc * (rng.uniform(0.4, 0.9) if self.n > 1 else 0.95), sx * rng.uniform(0.2, 0.8))
-        elif name == "backlash":
-            law(PLAY, kc * rng.uniform(0.4, 0.9), sx * rng.uniform(0.15, 0.6))
-        elif name == "bouc_wen_hysteresis":
-            e, reach, share = rng.choice([1, 2]), sx * rng.uniform(0.3, 1.2), rng.uniform(0.5, 0.9)
-            law(BOUC_WEN, kc * rng.uniform(0.2, 0.7), share / reach**e, (1 - share) / reach**e, e)
-        elif name == "end_stop":
-            law(
-                STOP,
-                kc * rng.uniform(3, 15),
-                rng.uniform(0.45, 0.8) * top,
-                rng.choice([-1, 0, 1]),
-                rng.choice([0, 0.1]) * kc / self.high,
-            )
-        elif name == "position_ripple":
-            law(RIPPLE, 0.5 * s * size, 2 * np.pi / (sx * rng.uniform(0.6, 2.2)), rng.uniform(0, 6.28))
-        elif name == "time_varying_stiffness":
-            if rng.random() < 0.5:
-                law(SLOPE, sign * 0.6 * s * kc / (self.N * self.h))
-            else:
-                law(SWING, 0.5 * s * kc, rng.uniform(0.02, 1.0) * self.low, rng.uniform(0, 6.28))
-        elif name == "missing_coupling":
-            linked = [(i, j) for i in range(self.n) for j in range(i + 1, self.n) if self.K[i, j] < 0]
-            i, j = place = list(linked[rng.integers(len(linked))])
-            for X, b in ((self.nominal[2], self.K[i, j]), (self.nominal[1], self.D[i, j])):
-                X[i, j] = X[j, i] = 0
-                X[i, i] -= abs(b)
-                X[j, j] -= abs(b)
-        elif name == "extra_mode":
-            m, w0, zeta = (
-                self.M[place, place] * rng.uniform(0.05, 0.25),
-                rng.uniform(0.7, 1.5) * rng.uniform(self.low, self.high),
-                rng.uniform(0.02, 0.1),
-            )
-            self.extra = [*getattr(self, "extra", []), (place, m, m * w0**2, 2 * zeta * w0 * m)]
-        elif name == "periodic_disturbance":
-            w = rng.uniform(0.4, 1.4) * self.low if self.n == 1 else rng.uniform(0.5 * self.low, self.high)
-            law(TONE, s * size, w, rng.uniform(0, 6.28))
-        elif name == "constant_force":
-            law(CONSTANT, sign * s * size)
-        elif name in ACTUATORS:
-            ch = int(rng.integers(self.L.shape[1]))
-            place = int(np.argmax(self.L[:, ch]))
-            u = self.us[0][:, ch]
-            if self.ex == "prbs" and name in ("saturation", "input_dead_band"):
-                name = "input_delay"  # on two levels these are a gain
-            if self.hold == "zoh" and name == "rate_limit":
-                name = "actuator_lag"
-            fastest = np.abs(np.diff(u)).max() / self.h
-            self.path.append((name, ch, {
-                "saturation": np.abs(u).max() * rng.uniform(0.4, 0.75), "input_delay": self.h * rng.uniform(0.6, 6),
-                "actuator_lag": rng.uniform(0.05, 0.35) / self.high, "input_dead_band": u.std() * rng.uniform(0.3, 0.8),
-                "rate_limit": fastest * rng.uniform(0.2, 0.45),
-            }[name]))  # fmt: skip
-        elif name in SENSORS:
-            place = int(rng.integers(self.n))
-            y = self.base[0][:, place]
-            self.sensor.append((name, place, {
-                "sensor_bias": sign * y.std() * rng.uniform(0.1, 0.6), "sensor_drift": sign * y.std() * rng.uniform(0.3, 1),
-                "quantisation": y.std() * rng.uniform(0.1, 0.6), "sensor_clipping": np.abs(y).max() * rng.uniform(0.4, 0.7),
-            }[name]))  # fmt: skip
-        elif name == "random_force":
-            self.random = (c, excite("noise", self.N, self.h, 1, self.low, self.high, rng) * s * size)
-        elif name == "input_square":
-            ch = int(rng.integers(self.L.shape[1]))
-            if self.ex == "prbs":
-                law(PRODUCT, s * size / sx / sv)
-            else:
-                self.path.append((name, ch, 0.5 * s / self.us[0][:, ch].std()))
-        else:
-            law(*{
-                "cubic_damping": (CUBIC_DAMPING, 0.4 * s * size / sv**3), "van_der_pol": (VAN_DER_POL, s * size / sv / sx**2),
-                "square_speed": (SQUARE_SPEED, 0.4 * s * size / sv**2), "exponential": (EXPONENTIAL, 0.5 * s * size, 0.7 * sx),
-                "local_damping": (LOCAL_DAMPING, 2 * s * size / sv, 0.6 * sx),
-                "timed_damping": (TIMED_DAMPING, 0.6 * s * size / sv, rng.uniform(0.02, 0.6) * self.low),
-                "root_speed": (ROOT_SPEED, 0.7 * s * size / np.sqrt(sv)), "sine_speed": (SINE_SPEED, 0.6 * s * size, 0.6 * sv),
-                "product": (PRODUCT, s * size / sx / sv),
-            }[name])  # fmt: skip
-        if name in OUTSIDE:
-            self.truth["outside"] = name
-        else:
-            self.truth["effects"].append({"name": name, "dof": place})
+    def _coupling(self):
+        linked = self._linked()
+        i, j = linked[self.rng.integers(len(linked))]
+        for X, b in ((self.nominal[2], self.K[i, j]), (self.nominal[1], self.D[i, j])):
+            X[i, j] = X[j, i] = 0
+            X[i, i] -= abs(b)
+            X[j, j] -= abs(b)
+        return [i, j], {"stiffness": -self.K[i, j], "damping": -self.D[i, j]}
 
-    def trial(self, nominal_spread=None) -> Trial:
+    def _mode(self, place: int) -> dict:
         rng = self.rng
-        if self.kind == "single":
-            self.add(self.name or str(rng.choice(self.available())))
-        elif self.kind == "double":
-            for name in rng.choice(
-                [x for x in FORCES if self.n > 1 or x != "missing_coupling"], 2, replace=False
-            ):
-                self.add(str(name))
-        elif self.kind == "unknown":
-            self.strength = (0.3, 0.7)
-            self.add(self.name or str(rng.choice(OUTSIDE)))
-        self.blur(nominal_spread)
-        snr, free = rng.uniform(15, 40), rng.random() < 0.3
-        data, clean = [], []
-        for u in self.us:
-            x0 = (
-                [rng.normal(size=self.n) * self.base[0].std(0), rng.normal(size=self.n) * self.base[1].std(0)]
-                if free
-                else [np.zeros(self.n)] * 2
-            )
-            Q, _ = self.run(u, self.small, True, x0)
-            clean.append(Q)
-            Y = Q + rng.normal(size=Q.shape) * np.nanstd(Q, axis=0) * 10 ** (-snr / 20)
-            data.append((u, self.sense(Y)))
-        bad = (
-            any(not np.isfinite(y).all() for _, y in data)
-            or np.abs(data[0][1]).max() > 50 * np.abs(self.base[0]).max()
-        )
-        if not bad:
-            bad = np.linalg.eigvalsh(self.nominal[2]).min() < 0.3 * np.linalg.eigvalsh(self.K).min()
-        self.truth.update(
-            size=self.size,
-            excitation=self.ex,
-            hold=self.hold,
-            snr_db=float(snr),
-            kind=self.kind,
-            bad=bool(bad),
-        )
-        self.truth["values"] = [[int(k), [float(x) for x in p]] for k, p in zip(self.kinds, self.P)] + [
-            [a, int(b), float(c)] for a, b, c in self.path + self.sensor
-        ]
-        self.clean = clean
-        return Trial(
-            *self.nominal,
-            self.L,
-            self.h,
-            self.hold,
-            "free" if free else "at_rest",
-            data[0],
-            data[1],
-            self.truth,
-        )
+        m = self.M[place, place] * rng.uniform(0.05, 0.25)
+        w0, zeta = rng.uniform(0.7, 1.5) * rng.uniform(self.low, self.high), rng.uniform(0.02, 0.1)
+        self.hidden.modes.append((place, m, m * w0**2, 2 * zeta * w0 * m))
+        return {"mass": m, "frequency": w0 / (2 * np.pi), "damping_ratio": zeta}
 
-    def available(self):
-        return [x for x in (*FORCES, *ACTUATORS, *SENSORS) if self.n > 1 or x != "missing_coupling"]
+    def _actuator(self, name: str):
+        ch = int(self.rng.integers(self.L.shape[1]))
+        if self.ex == "prbs" and name in ("saturation", "input_dead_band"):
+            name = "input_delay"  # on two levels these are a gain
+        if self.hold == "zoh" and name == "rate_limit":
+            name = "actuator_lag"
+        key, value = on_the_input(name, self.us[0][:, ch], self.h, self.high, self.rng)
+        self.hidden.path.append((name, ch, value))
+        return name, int(np.argmax(self.L[:, ch])), {key: value}
 
-    def blur(self, spread):
+    def _outside(self, name: str, site: Site, c: np.ndarray) -> None:
+        if name == "random_force":
+            force = excite("noise", self.N, self.h, 1, self.low, self.high, self.rng)[:, 0]
+            self.hidden.random = (c, force * site.s * site.size)
+            return
+        if name == "input_square":
+            ch = int(self.rng.integers(self.L.shape[1]))
+            if self.ex != "prbs" and not self.conditions.in_loop:
+                self.hidden.path.append((name, ch, 0.5 * site.s / self.us[0][:, ch].std()))
+                return
+            name = "product"  # two levels squared are a constant
+        self._force(unnamed(name, site), c)
+
+    def blur(self, spread) -> None:
+        """The nominal: right but for `spread`, or 10-30 % off."""
         rng = self.rng
         if spread is None:
             spread = rng.choice([0.0, 0.01])
+        off = self.kind == "parameters" or self.conditions.wrong_parameters
         for m, X in enumerate(self.nominal):
             wrong = rng.choice([-1, 1], X.shape) * rng.uniform(0.1, 0.3, X.shape)
-            F = 1 + (
-                wrong
-                if self.kind == "parameters"
-                else spread * (3 if m == 1 else 1) * rng.normal(size=X.shape)
-            )
+            F = 1 + (wrong if off else spread * (3 if m == 1 else 1) * rng.normal(size=X.shape))
             X *= np.tril(F) + np.tril(F, -1).T
         self.nominal[0] = np.diag(np.diag(self.nominal[0]))
 
-    def sense(self, Y):
-        t = np.arange(len(Y)) / len(Y)
-        for name, i, p in self.sensor:
-            if name == "sensor_bias":
-                Y[:, i] += p
-            if name == "sensor_drift":
-                Y[:, i] += p * t
-            if name == "quantisation":
-                Y[:, i] = p * np.round(Y[:, i] / p)
-            if name == "sensor_clipping":
-                Y[:, i] = np.clip(Y[:, i], -p, p)
-        return Y
+    def _measured(self, u, snr: float, free: bool):
+        """u, y, y without noise (N, n)."""
+        rng, n = self.rng, self.n
+        x0 = [np.zeros(n)] * 2
+        if free:
+            x0 = [rng.normal(size=n) * self.base[k].std(0) for k in range(2)]
+        size = 10 ** (-snr / 20)
+        if self.conditions.in_loop:
+            noise = rng.normal(size=(len(u), n)) * self.base[0].std(0) * size
+            Q, u = run_in_loop(self.machine, self.hidden, u, noise, *self._controller(), self.small, x0)
+            return u, Q + noise, Q
+        Q, _ = run(self.machine, self.hidden, u, self.small, x0)
+        return u, Q + self._noise(Q) * size, Q
+
+    def _noise(self, Q: np.ndarray) -> np.ndarray:
+        """(N, n) of the size of Q; coloured: first-order, the same variance."""
+        white = self.rng.normal(size=Q.shape)
+        rho = self.conditions.colour
+        if rho:
+            from scipy.signal import lfilter
+
+            white = lfilter([np.sqrt(1 - rho**2)], [1, -rho], white, axis=0)
+        return white * np.nanstd(Q, axis=0)
+
+    def _controller(self) -> tuple[np.ndarray, np.ndarray]:
+        """gain, lead (nu, n): position feedback of a third to the whole of a spring, with some damping."""
+        stiff = np.diag(self.L.T @ self.K @ self.L) * np.random.default_rng(self.N).uniform(0.3, 1)
+        return stiff[:, None] * self.L.T, 0.2 / self.high * stiff[:, None] * self.L.T
+
+    def _sensors(self) -> np.ndarray:
+        """C (ny, n): each DOF, or some of them (at least one)."""
+        if self.conditions.sensors == 1:
+            return np.eye(self.n)
+        count = max(1, round(self.conditions.sensors * self.n + self.own.uniform(-0.5, 0.5)))
+        return np.eye(self.n)[np.sort(self.own.permutation(self.n)[:count])]
+
+    def _flags(self, N: int) -> np.ndarray | None:
+        """(N,) 1 where a sample was lost, alone or in short bursts."""
+        if not self.conditions.lost:
+            return None
+        lost = self.own.random(N) < self.conditions.lost / 2
+        for k in np.flatnonzero(self.own.random(N) < self.conditions.lost / 10):
+            lost[k : k + 5] = True
+        return lost.astype(np.uint8)
+
+    def _bad(self, data) -> bool:
+        if any(not np.isfinite(y).all() for _, y in data):
+            return True
+        if np.abs(data[0][1]).max() > 50 * np.abs(self.base[0]).max():
+            return True
+        lowest = np.linalg.eigvalsh(self.nominal[2]).min()
+        return bool(lowest < 0.3 * np.linalg.eigvalsh(self.K).min())
 
 
 def write(trial: Trial, folder: Path) -> None:
-    """train.csv, test.csv, model.yaml and, beside them in a folder of its own, the sealed truth."""
+    """train.csv, test.csv (train2.csv ... where there are more), model.yaml and, apart, the sealed truth."""
     import yaml
 
     folder.mkdir(parents=True, exist_ok=True)
-    n, nu = trial.L.shape
-    for name, (u, y) in (("train", trial.train), ("test", trial.test)):
-        table = np.column_stack([np.arange(len(u)) * trial.h, u, y])
-        header = ",".join(["t", *(f"u{i + 1}" for i in range(nu)), *(f"y{i + 1}" for i in range(y.shape[1]))])
-        np.savetxt(folder / f"{name}.csv", table, delimiter=",", header=header, comments="", fmt="%.12g")
+    names = ["train", "test", *(f"train{k + 2}" for k in range(len(trial.more)))]
+    for k, (name, (u, y)) in enumerate(zip(names, (trial.train, trial.test, *trial.more))):
+        _write_record(folder / f"{name}.csv", u, y, trial.h, trial.quality[k])
     model = {
         "mass": trial.M.tolist(), "damping": trial.D.tolist(), "stiffness": trial.K.tolist(), "input_map": trial.L.tolist(),
-        "output_map": np.eye(n).tolist(), "output": "displacement", "initial_state": trial.initial_state,
+        "output_map": trial.C.tolist(), "output": "displacement", "initial_state": trial.initial_state,
         "input_intersample": {"cubic": "smooth"}.get(trial.hold, trial.hold), "sample_time": trial.h,
     }  # fmt: skip
     (folder / "model.yaml").write_text(yaml.safe_dump(model))
     (folder / "sealed.json").write_text(json.dumps(trial.truth))
 
 
+def _write_record(path: Path, u, y, h: float, quality) -> None:
+    words = ["t", *(f"u{i + 1}" for i in range(u.shape[1])), *(f"y{i + 1}" for i in range(y.shape[1]))]
+    columns = [np.arange(len(u)) * h, u, y]
+    if quality is not None:
+        words, columns = [*words, "quality"], [*columns, quality]
+    table = np.column_stack(columns)
+    np.savetxt(path, table, delimiter=",", header=",".join(words), comments="", fmt="%.12g")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--stratum", choices=sorted(STRATA), default="main")
+    parser.add_argument("--kind")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
-    write(Draw(given.seed).trial(), given.out)
+    write(Draw(given.seed, kind=given.kind, stratum=given.stratum).trial(), given.out)

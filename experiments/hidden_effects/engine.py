@@ -106,6 +106,55 @@ def _rates(n, q, v, z, w, t, inverse, D, K, kinds, places, P, a, dz):
 
 
 @nb.njit(cache=True)
+def _advance(n, q, v, z, w0, w1, w2, t, d, inverse, D, K, kinds, places, P, work, rate):
+    """q, v after one small step of d seconds; z is moved in place. work (4, n), rate (4, effects): memory."""
+    e = d / 2
+    _rates(n, q, v, z, w0, t, inverse, D, K, kinds, places, P, work[0], rate[0])
+    _rates(
+        n,
+        q + e * v,
+        v + e * work[0],
+        z + e * rate[0],
+        w1,
+        t + e,
+        inverse,
+        D,
+        K,
+        kinds,
+        places,
+        P,
+        work[1],
+        rate[1],
+    )
+    qb = q + e * (v + e * work[0])
+    _rates(
+        n, qb, v + e * work[1], z + e * rate[1], w1, t + e, inverse, D, K, kinds, places, P, work[2], rate[2]
+    )
+    qc = q + d * (v + e * work[1])
+    _rates(
+        n, qc, v + d * work[2], z + d * rate[2], w2, t + d, inverse, D, K, kinds, places, P, work[3], rate[3]
+    )
+    q = q + d * v + d * d / 6 * (work[0] + work[1] + work[2])
+    v = v + d / 6 * (work[0] + 2 * work[1] + 2 * work[2] + work[3])
+    for e in range(len(kinds)):
+        z[e] += d / 6 * (rate[0, e] + 2 * rate[1, e] + 2 * rate[2, e] + rate[3, e])
+        if kinds[e] == PLAY:
+            x = places[e] @ q
+            z[e] = min(max(z[e], x - P[e, 1]), x + P[e, 1])
+    return q, v
+
+
+@nb.njit(cache=True)
+def _rest(kinds, places, q):
+    """Internal states at the start: play is centred where the place is."""
+    z = np.zeros(len(kinds))
+    for e in range(len(kinds)):
+        if kinds[e] == PLAY:
+            z[e] = places[e] @ q
+    return z
+
+
+@nb.njit(cache=True)
 def integrate(M, D, K, fine, h, small, is_held, kinds, places, P, q0, v0):
     """fine (2 (N-1) small + 1, n): forces at every half small step; a held input is constant over each small step."""
     n = len(M)
@@ -113,45 +162,49 @@ def integrate(M, D, K, fine, h, small, is_held, kinds, places, P, q0, v0):
     inverse = np.linalg.inv(M)
     d = h / small
     Q, V = np.zeros((N, n)), np.zeros((N, n))
-    q, v = q0.copy(), v0.copy()
-    ne = len(kinds)
-    z = np.zeros(ne)
-    for e in range(ne):
-        if kinds[e] == PLAY:
-            for i in range(n):
-                z[e] += places[e, i] * q[i]
-    a1, a2, a3, a4 = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    z1, z2, z3, z4 = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros(ne)
+    q, v, z = q0.copy(), v0.copy(), _rest(kinds, places, q0)
+    work, rate = np.zeros((4, n)), np.zeros((4, len(kinds)))
     for k in range(N):
         Q[k], V[k] = q, v
         if k == N - 1:
             break
         for s in range(small):
             m = 2 * (k * small + s)
-            t = k * h + s * d
             w0, w1, w2 = (
                 (fine[m + 1], fine[m + 1], fine[m + 1]) if is_held else (fine[m], fine[m + 1], fine[m + 2])
             )
-            e = d / 2
-            _rates(n, q, v, z, w0, t, inverse, D, K, kinds, places, P, a1, z1)
-            _rates(n, q + e * v, v + e * a1, z + e * z1, w1, t + e, inverse, D, K, kinds, places, P, a2, z2)
-            qb = q + e * (v + e * a1)
-            _rates(n, qb, v + e * a2, z + e * z2, w1, t + e, inverse, D, K, kinds, places, P, a3, z3)
-            qc = q + d * (v + e * a2)
-            _rates(n, qc, v + d * a3, z + d * z3, w2, t + d, inverse, D, K, kinds, places, P, a4, z4)
-            q = q + d * v + d * d / 6 * (a1 + a2 + a3)
-            v = v + d / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-            for e in range(ne):
-                z[e] += d / 6 * (z1[e] + 2 * z2[e] + 2 * z3[e] + z4[e])
-                if kinds[e] == PLAY:
-                    x = 0.0
-                    for i in range(n):
-                        x += places[e, i] * q[i]
-                    z[e] = min(max(z[e], x - P[e, 1]), x + P[e, 1])
+            q, v = _advance(
+                n, q, v, z, w0, w1, w2, k * h + s * d, d, inverse, D, K, kinds, places, P, work, rate
+            )
         if not np.all(np.abs(q) < 1e9):
             Q[k + 1 :] = np.nan
             break
     return Q, V
+
+
+@nb.njit(cache=True)
+def closed_loop(M, D, K, L, r, noise, gain, lead, h, small, kinds, places, P, q0, v0):
+    """u = r - gain y - lead (y - y before) / h, held; y = q + noise (N, first DOFs). Q (N, n), u (N, nu)."""
+    n, N, seen = len(M), len(r), noise.shape[1]
+    inverse = np.linalg.inv(M)
+    d = h / small
+    Q, U = np.zeros((N, n)), np.zeros((N, L.shape[1]))
+    q, v, z = q0.copy(), v0.copy(), _rest(kinds, places, q0)
+    work, rate = np.zeros((4, n)), np.zeros((4, len(kinds)))
+    before = q[:seen] + noise[0]
+    for k in range(N):
+        y = q[:seen] + noise[k]
+        Q[k], U[k] = q, r[k] - gain @ y - lead @ (y - before) / h
+        before = y
+        w = L @ U[k]
+        for s in range(small):
+            q, v = _advance(
+                n, q, v, z, w, w, w, k * h + s * d, d, inverse, D, K, kinds, places, P, work, rate
+            )
+        if not np.all(np.abs(q) < 1e9):
+            Q[k + 1 :] = np.nan
+            break
+    return Q, U
 
 
 def fine_input(u, h, hold, small, delay=0.0):
