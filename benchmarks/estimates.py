@@ -1,6 +1,6 @@
-"""Seconds per maximum-likelihood estimate: against h, N and n; against finite differences and a CasADi Jacobian.
+"""Seconds per maximum-likelihood estimate: against h; against finite differences and a CasADi Jacobian.
 
-python benchmarks/estimates.py [h | rivals | size ...]     nothing: all. One core, medians of process time.
+python benchmarks/estimates.py [h | rivals ...]     nothing: all. One core, medians of process time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sysid_bench import conf
 from sysid_bench.build import build
 from sysid_bench.mechanics.estimation import in_band_run, problem_of
 from sysid_bench.mechanics.levenberg import Point, minimise
-from sysid_bench.mechanics.second_order import companion, ntheta, unpack
+from sysid_bench.mechanics.second_order import ntheta, unpack
 from sysid_bench.mechanics.simulate import simulate
 from sysid_bench.mechanics.start import linear_start
 from sysid_bench.methods.spline_ml import SplineML
@@ -139,32 +139,7 @@ def rivals() -> None:
             print(f"    {what}: {taken:.0f} ms, {taken / ours:.0f} times as long", flush=True)
 
 
-def chain(n: int) -> Plant:
-    """n masses in a row between two walls, light proportional damping."""
-    K = 100.0 * (2.1 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
-    return Plant(np.diag(1 + 0.5 * np.sin(np.arange(n))), 0.002 * K + 0.05 * np.eye(n), K)
-
-
-def size() -> None:
-    """Against N on three masses, against n on a chain."""
-    three = build(conf.option("plant", "three_dof"))
-    for N in (1000, 10_000, 100_000, 1_000_000):
-        record = record_of(three, 0.1, 1.0, 15.0, N)
-        print(
-            f"three_dof  N = {N:<8d} {median_ms(lambda r=record: SplineML().fit(r, Model(n=3)), 1):9.1f} ms",
-            flush=True,
-        )
-    for n in (1, 2, 4, 8, 16, 32):
-        plant = chain(n)
-        assert np.all(np.linalg.eigvals(companion(plant.mass, plant.damping, plant.stiffness)).real < 0)
-        record = record_of(plant, 0.03, 0.09, 20.0, 20_000)
-        print(
-            f"chain      n = {n:<8d} {median_ms(lambda r=record, n=n: SplineML().fit(r, Model(n=n)), 1):9.1f} ms",
-            flush=True,
-        )
-
-
 if __name__ == "__main__":
-    wanted = sys.argv[1:] or ["h", "rivals", "size"]
+    wanted = sys.argv[1:] or ["h", "rivals"]
     for part in wanted:
-        {"h": against_h, "rivals": rivals, "size": size}[part]()
+        {"h": against_h, "rivals": rivals}[part]()

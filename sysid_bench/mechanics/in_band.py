@@ -19,7 +19,7 @@ from sysid_bench.nouns import Array, NotApplicable
 Complex = NDArray[np.complex128]
 MARGIN = 1.2  # the band ends this much above the last bin in which the response is seen
 SIGNIFICANCE = 8.0  # standard deviations above the noise floor
-FLOOR_BLOCKS = 12
+FLOOR_BLOCKS = 12  # about
 SMOOTH = 11  # bins
 SHORTEST = 16
 
@@ -94,8 +94,9 @@ def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
 def noise_floor(Y: Complex) -> Array:
     """Lowest smoothed power per channel (ny,), E|Y_f|^2 where the response is least."""
     power = uniform_filter1d(np.abs(Y) ** 2, SMOOTH, axis=0, mode="nearest")
-    blocks = [np.median(b, axis=0) for b in np.array_split(power, FLOOR_BLOCKS) if len(b)]
-    return np.maximum(np.min(blocks, axis=0), 1e-24 * power.max(axis=0))
+    size = max(len(power) // FLOOR_BLOCKS, 1)
+    blocks = power[: len(power) // size * size].reshape(-1, size, power.shape[1])
+    return np.maximum(np.median(blocks, axis=1).min(axis=0), 1e-24 * power.max(axis=0))
 
 
 def band_edge(data: Spectra) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -24,12 +25,16 @@ def phi(z: Complex, highest: int) -> list[Complex]:
     return [np.where(small, a, b) for a, b in zip(series, upward)]
 
 
+@lru_cache(maxsize=16)
+def _reciprocals(highest: int) -> Complex:
+    return np.array([1 / factorial(m + highest) for m in range(TERMS)], dtype=complex)
+
+
 def _series(z: Complex, highest: int) -> list[Complex]:
     """Taylor for the highest, then downwards, which loses nothing for small z."""
-    top = np.zeros_like(z)
-    for m in reversed(range(TERMS)):
-        top = top * z + 1 / factorial(m + highest)
-    values = [top]
+    powers = np.ones((*z.shape, TERMS), dtype=complex)
+    powers[..., 1:] = z[..., None]
+    values = [np.cumprod(powers, axis=-1) @ _reciprocals(highest)]
     for p in reversed(range(highest)):
         values.append(values[-1] * z + 1 / factorial(p))
     return values[::-1]
