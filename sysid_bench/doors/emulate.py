@@ -9,19 +9,23 @@ from dataclasses import replace
 from typing import Any
 
 from sysid_bench.build import build
+from sysid_bench.effects import own_effects
 from sysid_bench.emulator.faults import Fault
 from sysid_bench.emulator.process import Emulator
+from sysid_bench.files import plant_of, read_model
 from sysid_bench.frames.link import LinkLost, opened
 from sysid_bench.frames.priority import before_others
+from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import InputError, Plant
 
 
 def main(cfg: dict[str, Any]) -> int:
     """Answer on the bus until interrupted (exit code 0), or until the bus is lost (1)."""
     packages = cfg["plugins"].packages
-    rig, bus, plant, hardware = (build(cfg[name], packages) for name in ("rig", "bus", "plant", "hardware"))
+    rig, bus, hardware = (build(cfg[name], packages) for name in ("rig", "bus", "hardware"))
     faults = [_fault(node) for node in cfg["faults"]]
-    plant = _with_effects(plant, cfg["effects"])
+    own = own_effects(cfg["effects_path"])
+    plant = _with_effects(_plant(cfg, own), cfg["effects"], own)
     ended: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda n, _: ended.append(n))
@@ -52,7 +56,14 @@ def _fault(node: Any) -> Fault:
         raise InputError(f"faults: {node!r:.200} is no fault ({problem}).") from None
 
 
-def _with_effects(plant: Plant, path: str | None) -> Plant:
+def _plant(cfg: dict[str, Any], own: tuple[type[Effect], ...]) -> Plant:
+    """The plant of a model file where one is named, else the option."""
+    if cfg["model"]:
+        return plant_of(read_model(cfg["model"], own), cfg["model"])
+    return build(cfg["plant"], cfg["plugins"].packages)
+
+
+def _with_effects(plant: Plant, path: str | None, own: tuple[type[Effect], ...]) -> Plant:
     """The plant with the effects of a file added to its own: {effects: [...]} as in a model file."""
     if path is None:
         return plant
@@ -64,5 +75,5 @@ def _with_effects(plant: Plant, path: str | None) -> Plant:
         raise InputError(
             f"effects={path}: wanted a file with `effects: [{{name: ..., dof: ..., parameters: ...}}]`."
         )
-    effects = [effect_from(node, f"{path}, effect {i}") for i, node in enumerate(stored["effects"])]
+    effects = [effect_from(node, f"{path}, effect {i}", own) for i, node in enumerate(stored["effects"])]
     return replace(plant, effects=(*plant.effects, *effects))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.effects import own_effect
+from sysid_bench.effects import own_effects
 from sysid_bench.files import atomic_write, read_model, write_json, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.gap.choose import Rules
@@ -26,9 +26,9 @@ def main(cfg: dict[str, Any]) -> int:
     begun = time.perf_counter()
     out = Path(cfg["out"])
     train_files, test_files = files(cfg["train"]), files(cfg["test"])
-    model = read_model(cfg["model"])
     train, test = ([read_record(f) for f in group] for group in (train_files, test_files))
-    own = (own_effect(cfg["effects_path"]),) if cfg["effects_path"] else ()
+    own = own_effects(cfg["effects_path"])
+    model = read_model(cfg["model"], own)
     rules = Rules(**cfg["rules"])
     thresholds = Thresholds(
         **{k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}

@@ -15,6 +15,7 @@ import numpy as np
 
 from sysid_bench import conf
 from sysid_bench.build import build
+from sysid_bench.effects import own_effects
 from sysid_bench.files import read_model
 from sysid_bench.files.provenance import config_of, provenance
 from sysid_bench.files.yaml_text import yaml_text
@@ -98,7 +99,9 @@ def planned(cfg: dict[str, Any], rig: Any, out: Path) -> Run:
     plan = commands(
         excitation, rig, cfg["seconds"], cfg["periods"], cfg["amplitude"], cfg["soft_start_s"], rng
     )  # fmt: skip
-    motion = predicted(plan, rig, read_model(cfg["model"])) if cfg["model"] else None
+    motion = None
+    if cfg["model"]:
+        motion = predicted(plan, rig, read_model(cfg["model"], own_effects(cfg["effects_path"])))
     return Run(cfg, out, plan, motion)
 
 

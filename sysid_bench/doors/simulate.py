@@ -11,11 +11,12 @@ import numpy as np
 
 from sysid_bench.asked import require
 from sysid_bench.build import build
-from sysid_bench.files import read_model
+from sysid_bench.effects import own_effects
+from sysid_bench.files import plant_of, read_model
 from sysid_bench.files.effects import effects_from
 from sysid_bench.files.provenance import config_of, provenance
 from sysid_bench.files.yaml_text import yaml_text
-from sysid_bench.nouns import InputError, Model, Plant, Record
+from sysid_bench.nouns import InputError, Model, Record
 from sysid_bench.records import record_path, write_record
 from sysid_bench.records.columns import Place, check_size
 
@@ -37,9 +38,10 @@ def main(cfg: dict[str, Any]) -> int:
 def simulated(cfg: dict[str, Any]) -> tuple[Record, Model | None]:
     """(record, model of the file or None) of a simulate config. Raises InputError."""
     packages = cfg["plugins"].packages
-    model = read_model(cfg["model"]) if cfg["model"] else None
+    own = own_effects(cfg["effects_path"])
+    model = read_model(cfg["model"], own) if cfg["model"] else None
     plant = plant_of(model, cfg["model"]) if model is not None else build(cfg["plant"], packages)
-    plant = replace(plant, effects=(*plant.effects, *effects_from(cfg["effects"] or [])))
+    plant = replace(plant, effects=(*plant.effects, *effects_from(cfg["effects"] or [], own)))
     excitation, noise, sampling, source = (build(cfg[name], packages) for name in PARTS)
     if model is not None and model.sample_time_s not in (None, sampling.h_s):
         raise InputError(
@@ -57,16 +59,6 @@ def simulated(cfg: dict[str, Any]) -> tuple[Record, Model | None]:
         **provenance("simulate", cfg, [cfg["model"]] if model else []),
     }
     return replace(record, origin=origin), model
-
-
-def plant_of(model: Model, path: str | Path) -> Plant:
-    """The plant that a model file describes. Raises InputError where it has no values."""
-    if model.mass is None or model.damping is None or model.stiffness is None:
-        raise InputError(f"model {path}: mass, damping and stiffness are wanted to simulate it; it has none.")
-    return Plant(
-        model.mass, model.damping, model.stiffness, input_map=model.input_map, output_map=model.output_map,
-        output=model.output, effects=model.effects, units=model.units,
-    )  # fmt: skip
 
 
 def remarks(record: Record, model: Model | None, out: Path) -> list[str]:

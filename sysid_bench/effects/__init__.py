@@ -23,7 +23,9 @@ def names() -> list[str]:
 def effect_class(name: str) -> type[Effect]:
     """The class of one effect. Raises InputError with the list of known ones."""
     if name not in names():
-        raise InputError(f"no effect is called {name!r}; there are {', '.join(names())}.")
+        raise InputError(
+            f"no effect is called {name!r}; there are {', '.join(names())}. One of your own needs effects_path=FILE."
+        )
     return _class_of(importlib.import_module(f"{__name__}.{name}"), name)
 
 
@@ -56,6 +58,11 @@ def effect(
             raise InputError(f"{name}.{key} is in {kind.knobs[key].unit!r}; got {unit!r}.")
         given[key] = value if isinstance(value, str) else float(value)
     return kind(dof=tuple(dof) if isinstance(dof, list) else dof, **given)
+
+
+def own_effects(path: str | Path | None) -> tuple[type[Effect], ...]:
+    """The classes that effects_path= brings: one, or none where it is not given."""
+    return (own_effect(path),) if path else ()
 
 
 def own_effect(path: str | Path) -> type[Effect]:

@@ -2,9 +2,9 @@
 
 from sysid_bench.files.disk import atomic_write, plain, read_json, sha256, write_json
 from sysid_bench.files.estimate import model_of, read_estimate, write_estimate
-from sysid_bench.files.model import read_model, write_model
+from sysid_bench.files.model import plant_of, read_model, write_model
 
 __all__ = [
-    "atomic_write", "model_of", "plain", "read_estimate", "read_json", "read_model", "sha256",
+    "atomic_write", "model_of", "plain", "plant_of", "read_estimate", "read_json", "read_model", "sha256",
     "write_estimate", "write_json", "write_model",
 ]  # fmt: skip

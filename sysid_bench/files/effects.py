@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sysid_bench.nouns import Effect, InputError
@@ -10,14 +10,14 @@ from sysid_bench.nouns import Effect, InputError
 _ENTRY = ("name", "dof", "parameters")
 
 
-def effects_from(entries: Any) -> tuple[Effect, ...]:
-    """Effects of the list `effects`. Raises InputError naming the entry that is wrong."""
+def effects_from(entries: Any, own: Sequence[type] = ()) -> tuple[Effect, ...]:
+    """Effects of the list `effects`; own: classes beside the shelf's. Raises InputError naming the entry that is wrong."""
     if not isinstance(entries, list):
         raise InputError(f"effects must be a list of {{name, dof, parameters}}; got {entries!r:.60}.")
-    return tuple(effect_from(entry, f"effects[{i}]") for i, entry in enumerate(entries))
+    return tuple(effect_from(entry, f"effects[{i}]", own) for i, entry in enumerate(entries))
 
 
-def effect_from(entry: Any, where: str) -> Effect:
+def effect_from(entry: Any, where: str, own: Sequence[type] = ()) -> Effect:
     """Effect of an entry. Raises InputError: not a mapping, unknown key, name, parameter or unit, bad place."""
     if not isinstance(entry, Mapping):
         raise InputError(f"{where} must be a mapping {{name, dof, parameters}}; got {entry!r:.60}.")
@@ -29,14 +29,14 @@ def effect_from(entry: Any, where: str) -> Effect:
     if not isinstance(parameters, Mapping):
         raise InputError(f"{where}.parameters must be a mapping; got {parameters!r:.60}.")
     values = {str(key): _parameter(value, f"{where}.parameters.{key}") for key, value in parameters.items()}
-    return _of_the_shelf(entry["name"], _place(entry.get("dof"), where), values, where)
+    return _made(entry["name"], _place(entry.get("dof"), where), values, where, own)
 
 
-def _of_the_shelf(name: str, dof: Any, parameters: dict[str, Any], where: str) -> Effect:
+def _made(name: str, dof: Any, parameters: dict[str, Any], where: str, own: Sequence[type]) -> Effect:
     from sysid_bench import effects  # a shelf: looked up by name only where a file names an effect
 
     try:
-        effect = effects.effect(name, dof, parameters)
+        effect = effects.effect(name, dof, parameters, {kind.name: kind for kind in own})
         _check_words(type(effect)(), parameters)
         return effect
     except InputError as problem:

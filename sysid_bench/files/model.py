@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from sysid_bench.files.disk import atomic_write
 from sysid_bench.files.effects import effects_from, entry_of
 from sysid_bench.files.yaml_text import read_yaml, yaml_text
-from sysid_bench.nouns import HOLDS, OUTPUTS, InputError, Model
+from sysid_bench.nouns import HOLDS, OUTPUTS, InputError, Model, Plant
 
 MATRICES = ("mass", "damping", "stiffness")
 KEYS = (
@@ -27,8 +27,11 @@ HEADER = """\
 """
 
 
-def read_model(path: str | os.PathLike) -> Model:
-    """Model of a model.yaml. Raises InputError with the file, the line, what was wanted and the way out."""
+def read_model(path: str | os.PathLike, own: Sequence[type] = ()) -> Model:
+    """Model of a model.yaml; own: effect classes of the user's that it may name.
+
+    Raises InputError with the file, the line, what was wanted and the way out.
+    """
     values, lines = read_yaml(path, "model")
     for key in values:
         if key not in KEYS:
@@ -37,13 +40,23 @@ def read_model(path: str | os.PathLike) -> Model:
             )
     for key in values:
         try:
-            _field(key, values[key])
+            _field(key, values[key], own)
         except InputError as problem:
             raise InputError(f"model {path}, line {lines[key]}: {problem}") from None
     try:
-        return _model(values)
+        return _model(values, own)
     except InputError as problem:
         raise InputError(f"model {path}: {problem}") from None
+
+
+def plant_of(model: Model, path: str | os.PathLike) -> Plant:
+    """The plant that a model file describes. Raises InputError where it has no values."""
+    if model.mass is None or model.damping is None or model.stiffness is None:
+        raise InputError(f"model {path}: mass, damping and stiffness are wanted to simulate it; it has none.")
+    return Plant(
+        model.mass, model.damping, model.stiffness, input_map=model.input_map, output_map=model.output_map,
+        output=model.output, effects=model.effects, units=model.units,
+    )  # fmt: skip
 
 
 def model_from(values: Mapping[str, Any]) -> Model:
@@ -54,9 +67,9 @@ def model_from(values: Mapping[str, Any]) -> Model:
     return _model(values)
 
 
-def _model(values: Mapping[str, Any]) -> Model:
+def _model(values: Mapping[str, Any], own: Sequence[type] = ()) -> Model:
     fields = dict(
-        _field(key, value) for key, value in values.items() if key != "origin" and value is not None
+        _field(key, value, own) for key, value in values.items() if key != "origin" and value is not None
     )
     missing = [name for name in MATRICES if name not in fields]
     if missing and len(missing) < 3:
@@ -83,7 +96,7 @@ def _check_places(model: Model) -> None:
             raise InputError(f"effects[{i}]: {effect.name} at dof {max(places)}; they count 0..{count - 1}.")
 
 
-def _field(key: str, value: Any) -> tuple[str, Any]:
+def _field(key: str, value: Any, own: Sequence[type] = ()) -> tuple[str, Any]:
     """(field of Model, its value) of one key of the file."""
     if value is None:
         return key, None
@@ -106,7 +119,7 @@ def _field(key: str, value: Any) -> tuple[str, Any]:
     if key == "free":
         return key, _free(value)
     if key == "effects":
-        return key, effects_from(value)
+        return key, effects_from(value, own)
     return key, value
 
 
