@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.force_screen import screen_on_force
+from sysid_bench.gap.held_out import block_losses, earns_on_force, held_out_cost, simplest
 from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit, free_parameters
 from sysid_bench.gap.screen import Candidate, Screen, screen
 from sysid_bench.mechanics.effect import Effect
@@ -83,8 +85,18 @@ def shape_count(effects: tuple[Effect, ...]) -> int:
     return sum(effects[e].numeric[p] not in ("speed", "damping") for e, p in free_parameters(effects))
 
 
+def suspects_of(problem: Problem, base: Fit, catalogue) -> Screen:
+    """The screen that suits the problem: by filtered forces, or on the force itself."""
+    return (screen_on_force if problem.on_force else screen)(problem, base, catalogue)
+
+
 def price(problem: Problem, one: Fit) -> float:
-    """2 rss + parameters ln R + the squared step of theta: only a trusted nominal splits forces that are alike."""
+    """2 rss + parameters ln R + the squared step of theta: only a trusted nominal splits forces that are alike.
+
+    On the force, where what is left is never noise: twice the loss on held-out blocks.
+    """
+    if problem.on_force:
+        return held_out_cost(problem, one)
     R = len(one.rows)
     moved = 0.09 * one.moved / 0.01  # in units of a tenth of each prior-weighted entry, weighed 0.3
     count = shape_count(one.point.effects)
@@ -109,6 +121,11 @@ def refine(problem: Problem, base: Fit, candidate: Candidate, iterations: int = 
     start = best_start(problem, effects, thetas, base.point.starts)
     found = fit(problem, start, free_parameters(effects), iterations) if start is not None else None
     return Contender(found, candidate, price(problem, found)) if found is not None else None
+
+
+def _rank(one: Fit, effect: Effect) -> tuple:
+    """Names before shapes without one, few parameters before many; a lag only where its loss of gain is seen."""
+    return effect.name in DECOY_NAMES, shape_count(one.point.effects), effect.name == "actuator_lag"
 
 
 def shortlist(screened: Screen, most: int) -> list[Candidate]:
@@ -181,6 +198,7 @@ def _subset(simple: Effect, rich: Effect) -> bool:
     pairs = {
         ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
         ("coulomb_friction", "bouc_wen_hysteresis"), ("sensor_bias", "sensor_drift"),
+        ("coulomb_friction", "friction_behind_play"), ("presliding_friction", "friction_behind_play"),
     }  # fmt: skip
     return simple.dof == rich.dof and (simple.name, rich.name) in pairs
 
@@ -188,7 +206,7 @@ def _subset(simple: Effect, rich: Effect) -> bool:
 def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
     """One screen and its finalists."""
     ground = _ground(problem, base)
-    screened = screen(problem, ground, catalogue)
+    screened = suspects_of(problem, ground, catalogue)
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < 30 + 4 * np.log(R):
         return Round(screened, [], base, None)
@@ -203,7 +221,19 @@ def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float
         names = {c.effect.name for c in tried}
         rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
     contenders.sort(key=lambda c: c.cost)
-    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules))
+    pick = _simplest(problem, contenders, rules) if problem.on_force else None
+    return Round(screened, contenders, base, pick or cheapest(contenders, linear_gap, rules))
+
+
+def _simplest(problem, contenders: list[Contender], rules: Rules) -> Contender | None:
+    """On the force: the fewest parameters, and a name before none, of those that held-out blocks find as good."""
+    if not contenders:
+        return None
+    losses = [block_losses(problem, c.fit) for c in contenders]
+    best = contenders[int(np.argmin([x.sum() for x in losses]))]
+    related = [_subset(c.effect, best.effect) for c in contenders]
+    ranks = [_rank(c.fit, c.effect) for c in contenders]
+    return contenders[simplest(losses, ranks, related, (rules.second_share, rules.practical))]
 
 
 def _fitted(problem: Problem, base: Fit, tried: list[Candidate], before: list[Contender]) -> list[Contender]:
@@ -228,7 +258,7 @@ def _as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> bo
 
 def _ground(problem: Problem, base: Fit) -> Fit:
     """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
-    if base.rho < 20 or np.max(np.abs(base.point.theta / problem.prior)) < 1.1:
+    if problem.on_force or base.rho < 20 or np.max(np.abs(base.point.theta / problem.prior)) < 1.1:
         return base
     point = replace(base.point, theta=np.zeros_like(base.point.theta))
     found = evaluate(problem, point)
@@ -237,6 +267,8 @@ def _ground(problem: Problem, base: Fit) -> Fit:
 
 def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, rules: Rules) -> bool:
     """True where an effect takes enough of what is left."""
+    if problem.on_force:
+        return earns_on_force(problem, before, after, rules.practical)
     R = len(before.rows)
     gain, left, linear_gap = before.rss - after.rss, before.rss - R, max(linear.rss - R, 1.0)
     if gain < 25:
@@ -274,6 +306,9 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
             break
         round_ = first if k == 0 else look(problem, story.fit, catalogue, rules, linear_gap)
         chosen = round_.chosen
+        if chosen is not None and problem.on_force and chosen.is_decoy and k > 0:
+            # on a machine some shape always fits what is left a little; the names that earn their place come first
+            chosen = _simplest(problem, [c for c in round_.contenders if not c.is_decoy], rules)
         if chosen is not None and not earns(problem, story.fit, chosen.fit, linear, k == 0, rules):
             chosen = None
         story.rounds.append(replace(round_, chosen=chosen))
@@ -296,7 +331,8 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
         if without is None or without.rss - now.rss < 25:
             continue
-        screened = screen(problem, without, catalogue)
+        rank = _rank(now, effects[k])
+        screened = suspects_of(problem, without, catalogue)
         best = price(problem, now)
         for candidate in shortlist(screened, 4):
             if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
@@ -304,7 +340,9 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
             other = refine(problem, without, candidate, iterations=8)
             if other is None:
                 continue
-            margin = max(20, 0.1 * (now.rss - len(now.rows)))
+            margin = max(20, (2 * rules.practical if problem.on_force else 0.1) * (now.rss - len(now.rows)))
+            if problem.on_force and _rank(other.fit, other.effect) > rank:
+                continue  # on a machine a richer shape always gains a little
             simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
             if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
                 now, best = other.fit, other.cost
@@ -319,6 +357,12 @@ def _pruned(problem: Problem, now: Fit, rules: Rules) -> Fit:
             continue
         rest = tuple(x for x in now.point.effects if x is not effect)
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
-        if without is not None and without.rss - now.rss < max(25, 0.3 * max(now.rss - len(now.rows), 0)):
+        if without is not None and _unnecessary(problem, without, now, rules):
             now = without
     return now
+
+
+def _unnecessary(problem: Problem, without: Fit, now: Fit, rules: Rules) -> bool:
+    if problem.on_force:
+        return not earns_on_force(problem, without, now, rules.practical)
+    return without.rss - now.rss < max(25, 0.3 * max(now.rss - len(now.rows), 0))

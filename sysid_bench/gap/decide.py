@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_bench.gap.choose import DECOY_NAMES, Story
+from sysid_bench.gap.held_out import PRACTICAL
+from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import MATRICES, Fit, Problem
 
 
@@ -14,7 +16,7 @@ from sysid_bench.gap.problem import MATRICES, Fit, Problem
 class Thresholds:
     """When a verdict is given.
 
-    left_rho, left_share: with effects found, more than this left (over the floor; of the linear gap) is `unknown`
+    left_rho, left_share (left_on_force where the force is judged): with effects found, more than this left (over the floor; of the linear gap) is `unknown`
     bare_rho: with none found, more than this is `unknown`
     moved_rho: the nominal's gap over the refit's from which `parameters` are wrong
     moved: practical size of a relative change: mass, damping, stiffness; twice that off the diagonal
@@ -22,6 +24,7 @@ class Thresholds:
 
     left_rho: float = 1.5
     left_share: float = 0.05
+    left_on_force: float = 0.5
     bare_rho: float = 1.6
     moved_rho: float = 1.3
     moved: tuple[float, float, float] = (0.05, 0.12, 0.05)
@@ -48,7 +51,8 @@ def decide(
                 "unknown",
                 f"{effect.name} at {place_words(effect.dof)} explains it best; no catalogue effect does",
             )
-    if found and now.rho > thresholds.left_rho and left > thresholds.left_share:
+    allowed = thresholds.left_on_force if problem.on_force else thresholds.left_share
+    if found and now.rho > thresholds.left_rho and left > allowed:
         names = ", ".join(e.name for e in found)
         return Verdict(
             "unknown", f"{names} leaves {100 * left:.0f} % of the gap, {now.rho:.1f} times the noise floor"
@@ -57,7 +61,7 @@ def decide(
         return Verdict(
             "effect", f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
         )
-    if now.rho > thresholds.bare_rho:
+    if now.rho > thresholds.bare_rho and not _small(problem, now):
         return Verdict(
             "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"
         )
@@ -70,6 +74,11 @@ def decide(
         "none",
         f"the model leaves {now.rho:.3g} times the noise floor: nothing is missing that these records can show",
     )
+
+
+def _small(problem: Problem, now: Fit) -> bool:
+    """True where the force is judged and what is left of it matters on no machine."""
+    return isinstance(problem, ForceProblem) and problem.share_missed(now) < PRACTICAL
 
 
 def place_words(dof) -> str:

@@ -1,27 +1,33 @@
 """a free mass, often in closed loop -> the gap on the force: what its position cannot tell.
 
-A position that may drift, or that a controller holds, says little about what is missing; the force does.
+A position that may drift, or that a controller holds, says little about what is missing; the force does. So the
+measured motion goes through the model, and what force it needs is compared with the force that was given.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid_bench.effects import effect_class
-from sysid_bench.gap.motion import force_along, response
+from sysid_bench.gap.inverse import ForceProblem, fade, measured_motion, own_phases, rows_of
+from sysid_bench.gap.laps import force_floor
 from sysid_bench.gap.problem import Problem
-from sysid_bench.gap.traces import Trace
-from sysid_bench.mechanics.effect import Effect, direction
-from sysid_bench.mechanics.nonlinear import actuated, assemble
-from sysid_bench.nouns import Array, Model
+from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, noise_floor, trace_of
+from sysid_bench.mechanics.effect import Effect
+from sysid_bench.nouns import Array, Model, Record
 
-TAPERED = 0.04  # of a record at either end, where positions may drift
+NOISY = 0.1  # share of noise in the force's power at which the band ends
+FIRST_PART = 0.25  # of a test record: its own phases are fitted there, the gap is taken on the rest
 # A drifting position cannot tell these from an offset of the force, which is fitted from the start.
 DRIFTING = frozenset({"sensor_bias", "sensor_drift", "constant_force", "sensor_scale"})
-# Differences between directions are named where a drive moves freely both ways.
-ONLY_FREE = frozenset({"asymmetric_friction"})
+# What such a drive cuts off cannot be read back from the motion: with less force given, less is missing.
+CUTTING = frozenset({"saturation", "input_dead_band", "rate_limit"})
+# Well below the sampling rate a hold is a delay of half a sample: one class, called by its delay.
+HOLDS = frozenset({"wrong_hold"})
+# Named where motion and force are both at hand: differences between directions, friction behind a play.
+ONLY_FREE = frozenset({"asymmetric_friction", "friction_behind_play"})
 
 
 def floats(model: Model) -> bool:
@@ -33,9 +39,8 @@ def floats(model: Model) -> bool:
 
 def admissible(catalogue: list[type[Effect]], model: Model) -> list[type[Effect]]:
     """The names that such records can carry."""
-    if floats(model):
-        return [kind for kind in catalogue if kind.name not in DRIFTING]
-    return [kind for kind in catalogue if kind.name not in ONLY_FREE]
+    barred = DRIFTING | HOLDS | CUTTING if floats(model) else ONLY_FREE
+    return [kind for kind in catalogue if kind.name not in barred]
 
 
 def with_offset(model: Model) -> Model:
@@ -46,43 +51,82 @@ def with_offset(model: Model) -> Model:
     return replace(model, effects=(*model.effects, *(kind(dof=i, force=0.0) for i in range(model.n))))
 
 
-def in_force(trace: Trace, problem: Problem) -> Trace:
-    """The trace weighted as a force: residuals over the nominal response, their floor from the highest frequencies."""
-    ends = np.minimum(np.arange(trace.N), np.arange(trace.N)[::-1]) / (TAPERED * trace.N)
-    trace = replace(trace, taper=np.sin(np.pi / 2 * np.minimum(ends, 1.0)) ** 2)
-    G = response(assemble(replace(problem.model, effects=())), trace.omega, problem.model.output)
-    size = np.abs(np.einsum("fii->fi", G))
-    force = np.abs(trace.spectrum(trace.y) / np.maximum(size, 1e-300)) ** 2 / trace.N
-    high = force[int(0.6 * len(force)) :]
-    sigma = np.sqrt(np.maximum(np.median(high, axis=0) / np.log(2), 1e-300))
-    weight = np.sqrt(2 / (trace.N * np.mean(trace.good))) / (size * sigma)
-    return replace(trace, weight=weight)
+def on_force(problem: Problem, lattice: Array) -> tuple[ForceProblem, str]:
+    """The problem on the force, banded and whitened by its noise floor; how the floor was found, in words."""
+    shortened = [cropped(trace) for trace in problem.traces]
+    end = max(band_on_force(problem.model, trace, lattice) for trace in shortened)
+    traces = tuple(force_banded(trace, end) for trace in shortened)
+    motions = tuple(measured_motion(trace) for trace in traces)
+    bare = ForceProblem(problem.model, traces, problem.entries, problem.scale, motions)
+    sigma, how = force_floor(bare, [noise_floor(t, _between_ends(t.y), lattice) for t in problem.traces])
+    traces = tuple(replace(t, weight=t.weight / sigma) for t in traces)
+    return replace(bare, traces=traces), how
 
 
-def force_gap(model: Model, trace: Trace) -> float:
-    """|F - Fhat| / |F|, both in the trace's band: F the actuated input, Fhat what the model needs for the measured motion."""
-    A = assemble(model)
-    s = 1j * trace.omega[:, None]
-    Y = trace.spectrum(trace.y)
-    q, v, a = trace.signal(Y), trace.signal(s * Y), trace.signal(s * s * Y)
-    needed = a @ model.mass.T + v @ model.damping.T + q @ model.stiffness.T
-    for effect in A.forces:
-        c = direction(effect.dof, model.n)
-        needed = needed + np.outer(force_along(effect, q @ c, v @ c, trace.h, trace.t0), c)
-    given = _input(A, trace) @ model.input_map.T
-    inner = slice(int(1.5 * TAPERED * trace.N), -int(1.5 * TAPERED * trace.N))
-    given, needed = _in_band(trace, given)[inner], _in_band(trace, needed)[inner]
-    return float(np.linalg.norm(given - needed) / np.linalg.norm(given))
+def cropped(trace: Trace) -> Trace:
+    """The trace without the few last samples that make a slow Fourier transform."""
+    N = next(n for n in range(trace.N, 0, -1) if _smooth(n))
+    return replace(trace, u=trace.u[:N], y=trace.y[:N], good=trace.good[:N], _stages={})
 
 
-def _input(A, trace: Trace) -> Array:
-    """(N, nu) input at the samples after the actuators; a held one is the mean of what it was and becomes."""
-    substeps = 2
-    stages = actuated(A, trace.stages(substeps), trace.h / substeps)
-    u = np.concatenate([stages[::substeps, 0], stages[-1:, 2]])
-    before = np.concatenate([stages[:1, 0], stages[substeps - 1 :: substeps, 2]])
-    return 0.5 * (u + before)
+def _smooth(n: int) -> bool:
+    for factor in (2, 3, 5, 7, 11):
+        while n % factor == 0:
+            n //= factor
+    return n == 1
 
 
-def _in_band(trace: Trace, x: Array) -> Array:
-    return trace.signal(trace.spectrum(x))
+def _between_ends(x: Array) -> Array:
+    """x (N, c) without the line between its ends, brought to zero there: a drift would leak into every frequency."""
+    share = np.linspace(0, 1, len(x))[:, None]
+    return (x - (1 - share) * x[:1] - share * x[-1:]) * fade(len(x))[:, None]
+
+
+def band_on_force(model: Model, trace: Trace, lattice: Array) -> float:
+    """rad/s from which on the force of the sensors' noise is no longer small beside the force that was given."""
+    variance = noise_floor(trace, _between_ends(trace.y), lattice)
+    omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
+    given = _between_ends(trace.u) @ model.input_map.T
+    S = np.abs(np.fft.rfft(given, axis=0)) ** 2 / trace.N
+    kernel, end = np.ones(SMOOTHING_BINS) / SMOOTHING_BINS, 0.0
+    for i in np.flatnonzero(np.any(model.input_map != 0, axis=1)):
+        noise = (model.mass[i, i] * omega**2) ** 2 * variance[i]
+        over = noise > NOISY * np.convolve(S[:, i], kernel, "same")
+        over[:SMOOTHING_BINS] = False
+        end = max(end, omega[np.argmax(over)] if over.any() else omega[-1])
+    return float(np.clip(end, 40 * np.pi / (trace.N * trace.h), 0.4 * np.pi / trace.h))
+
+
+def force_banded(trace: Trace, end: float) -> Trace:
+    """The trace cut at `end` rad/s, with unit weights."""
+    F = max(int(np.searchsorted(2 * np.pi * np.fft.rfftfreq(trace.N, trace.h), end)), 8)
+    return replace(trace, F=F, weight=np.ones((F, trace.y.shape[1])), variance=np.ones(trace.y.shape[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class OnForce:
+    """A record judged on the force: given (R, n) and needed (R, n) in the band, at t (R,); gap, the share missed.
+
+    The gap is |F - Fhat| / |F| after the first quarter of the record, where the record's own phases were fitted.
+    """
+
+    t: Array
+    given: Array
+    needed: Array
+    gap: float
+    floor: float
+
+
+def judge_on_force(model: Model, record: Record, problem: ForceProblem) -> OnForce:
+    """The gap of one model on one record; the record's own phases are fitted on its first quarter."""
+    like = problem.traces[0]
+    trace = force_banded(cropped(trace_of(record, problem.model)), float(like.omega[-1]) * (1 + 1e-9))
+    here = replace(problem, traces=(trace,), motions=(measured_motion(trace),))
+    first = np.arange(2 * trace.F) < FIRST_PART * 2 * trace.F
+    effects = own_phases(here, 0, model, first)
+    given, needed = (rows_of(trace, x, keep=False) for x in here.forces(replace(model, effects=effects), 0))
+    t = trace.t0 + np.arange(2 * trace.F) * trace.N * trace.h / (2 * trace.F)
+    scored = here.kept(0) & ~first
+    gap, size = given - needed, np.linalg.norm(given[scored])
+    floor = np.sqrt(scored.sum() * np.sum(1 / like.weight[0] ** 2)) / size
+    return OnForce(t, given, needed, float(np.linalg.norm(gap[scored]) / size), float(floor))

@@ -16,6 +16,15 @@ from sysid_bench.nouns import Array
 
 
 @dataclass(frozen=True, eq=False)
+class Moved:
+    """A motion as it was measured, not simulated: q, v, a (N, n)."""
+
+    q: Array
+    v: Array
+    a: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Seen:
     """The smoothed motion of one trace, its linear model and what that model leaves.
 
@@ -54,8 +63,10 @@ def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Arra
     return out
 
 
-def smoothed(problem: Problem, trace: Trace, run: Trajectory) -> tuple[Array, Array, Array]:
+def smoothed(problem: Problem, trace: Trace, run: Trajectory | Moved) -> tuple[Array, Array, Array]:
     """q, v, a (N, n): the simulated motion plus what the residual adds to it (Wiener filter per bin)."""
+    if isinstance(run, Moved):
+        return run.q, run.v, run.a
     n = problem.model.n
     q, v, a = (x[:, :n] for x in run.motion())
     left = trace.spectrum(trace.filled(trace.y - shown(problem, trace, run)))
@@ -66,55 +77,7 @@ def smoothed(problem: Problem, trace: Trace, run: Trajectory) -> tuple[Array, Ar
         else _inverted(problem, trace, left, power)
     )
     s = 1j * trace.omega[:, None]
-    if trace.taper is not None:
-        return _beside_drift(problem, trace, run, q, v, a)
     return q + trace.signal(X), v + trace.signal(s * X), a + trace.signal(s * s * X)
-
-
-def _beside_drift(problem: Problem, trace: Trace, run: Trajectory, q: Array, v: Array, a: Array):
-    """Where the simulated position drifts: the drift as a cubic in time, the rest by filter."""
-    left = trace.filled(trace.y - shown(problem, trace, run))
-    t = np.linspace(-1, 1, trace.N)
-    fits = [np.polynomial.Polynomial.fit(t, c, 3, domain=[-1, 1]) for c in left.T]
-    scale = 2 / (trace.h * (trace.N - 1))
-    drift = [np.column_stack([f.deriv(k)(t) * scale**k if k else f(t) for f in fits]) for k in range(3)]
-    rest = trace.spectrum(left - drift[0])
-    s = 1j * trace.omega[:, None]
-    X = _gain(trace, rest) * rest
-    return (
-        q + drift[0] + trace.signal(X),
-        v + drift[1] + trace.signal(s * X),
-        a + drift[2] + trace.signal(s * s * X),
-    )
-
-
-def responded(s: Seen, c: Array, forces: Array) -> np.ndarray:
-    """(F, ny, m) response of the linear model to forces (N, m) along c, run in time: exact for a free mass too."""
-    A = s.linear.assembly
-    lone = replace(
-        A, L=np.pad(c, (0, A.n - len(c)))[:, None], forces=(), directions=np.zeros((0, A.n)), actuators=()
-    )
-    out = []
-    for f in forces.T:
-        stages = np.stack([f[:-1], 0.5 * (f[:-1] + f[1:]), f[1:]], axis=1)[:, :, None]
-        q, _, _ = _states_of(trajectory(lone, stages, s.trace.h, 1))
-        out.append(s.trace.spectrum(q @ A.C.T))
-    return np.stack(out, axis=2)
-
-
-def _states_of(run: Trajectory):
-    n = run.assembly.n
-    return run.X[:, :n], run.X[:, n:], None
-
-
-def released(assembly: Assembly, trace: Trace) -> np.ndarray:
-    """(F, ny, 2 n) response to each initial state, run in time."""
-    out = []
-    still = np.zeros((trace.N - 1, 3, assembly.L.shape[1]))
-    for x0 in np.eye(2 * assembly.n):
-        run = trajectory(replace(assembly, actuators=()), still, trace.h, 1, x0)
-        out.append(trace.spectrum(run.X[:, : assembly.n] @ assembly.C.T))
-    return np.stack(out, axis=2)
 
 
 def _gain(trace: Trace, left: np.ndarray) -> Array:
@@ -193,8 +156,6 @@ def _stabilised(problem: Problem, A: Assembly) -> Assembly:
 
 def free_response(assembly: Assembly, trace: Trace, output: str) -> np.ndarray:
     """(F, ny, 2 n) DFT of the measured response to each initial state, up to a change of basis."""
-    if trace.taper is not None:
-        return released(assembly, trace)
     n = assembly.n
     inverse = np.linalg.inv(assembly.M)
     A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ assembly.K, -inverse @ assembly.D]])

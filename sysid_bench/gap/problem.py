@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -108,6 +109,20 @@ class Problem:
         """The same problem on other traces."""
         return replace(self, traces=traces)
 
+    on_force: ClassVar[bool] = False  # True where the force is compared, not the output
+
+    def by_log(self, effect: Effect, p: int) -> bool:
+        """True where a parameter is stepped by its logarithm: those that must be positive."""
+        return effect.knobs[effect.numeric[p]].range == POSITIVE
+
+    def evaluate(self, point: Point) -> tuple[Array, tuple] | None:
+        """Whitened residual rows and the runs; None where the model is inadmissible or its motion leaves every bound."""
+        return _free_run(self, point)
+
+    def jacobian(self, point: Point, runs, parameters) -> Array:
+        """(R, ntheta + parameters + 2 n traces): minus the derivative of the rows; the starts come last, per trace."""
+        return _free_run_jacobian(self, point, runs, parameters)
+
 
 def frequency_range(model: Model, trace: Trace) -> tuple[float, float]:
     """(low, high) rad/s of the plant's own frequencies; of a free mass, from three per record to a tenth of Nyquist."""
@@ -179,7 +194,11 @@ def _states(run: Trajectory) -> tuple[Array, Array, Array]:
 
 
 def evaluate(problem: Problem, point: Point) -> tuple[Array, tuple[Trajectory, ...]] | None:
-    """Whitened residual rows and the runs; None where the model is inadmissible or its motion leaves every bound."""
+    """See Problem.evaluate."""
+    return problem.evaluate(point)
+
+
+def _free_run(problem: Problem, point: Point) -> tuple[Array, tuple[Trajectory, ...]] | None:
     model = problem.at(point.theta, point.effects)
     if model is None:
         return None
@@ -201,8 +220,7 @@ def keep_rows(problem: Problem, assembly: Assembly) -> Array:
     return np.hstack([assembly.C, zero] if position else [zero, assembly.C])
 
 
-def jacobian(problem: Problem, point: Point, runs, parameters) -> Array:
-    """(R, ntheta + parameters + 2 n traces): minus the derivative of the rows; the starts come last, per trace."""
+def _free_run_jacobian(problem: Problem, point: Point, runs, parameters) -> Array:
     n, nt, blocks = problem.model.n, len(problem.entries), []
     starts = 2 * n
     for k, (trace, one) in enumerate(zip(problem.traces, runs)):
@@ -307,22 +325,17 @@ def _smallest(effect: Effect, trace: Trace) -> float:
     return 0.1 * trace.h if effect.name in ("input_delay", "actuator_lag") else 1e-3 * float(np.std(trace.u))
 
 
-def is_log(effect: Effect, p: int) -> bool:
-    """True where a parameter is stepped by its logarithm: those that must be positive."""
-    return effect.knobs[effect.numeric[p]].range == POSITIVE
-
-
 def moved_point(problem: Problem, point: Point, parameters, step: Array) -> Point:
     """The point after a step in (theta, parameters, starts); parameters stay admissible, factors stay within 2."""
     nt, n = len(point.theta), problem.model.n
     values = [np.array(e.values) for e in point.effects]
     for (e, p), s in zip(parameters, step[nt:]):
-        if is_log(point.effects[e], p):
+        if problem.by_log(point.effects[e], p):
             values[e][p] *= np.exp(np.clip(s, -0.7, 0.7))
         else:
             values[e][p] += s
     effects = tuple(x.with_values(v) if len(v) else x for x, v in zip(point.effects, values))
-    tail = step[nt + len(parameters) :].reshape(len(point.starts), 2 * n)
+    tail = step[nt + len(parameters) :].reshape(-1, 2 * n)
     return Point(point.theta + step[:nt], effects, tuple(x + s for x, s in zip(point.starts, tail)))
 
 
@@ -356,9 +369,9 @@ def fit(
     H, steps = None, 0
     while steps < iterations:
         steps += 1
-        J_now = jacobian(problem, point, runs, parameters)
+        J_now = problem.jacobian(point, runs, parameters)
         for k, (e, p) in enumerate(parameters):
-            if is_log(point.effects[e], p):
+            if problem.by_log(point.effects[e], p):
                 J_now[:, nt + k] *= point.effects[e].values[p]
         # J_now is d(simulated)/d(...): the rows are measured minus simulated, so H step = J' rows
         H, g = J_now.T @ J_now, J_now.T @ rows

@@ -40,6 +40,17 @@ def prove(model: Model, record: Record) -> Proof:
     return Proof(record, trace, found, free_run_gap(trace.y, found, trace.good))
 
 
+def drive(model: Model, record: Record) -> Proof:
+    """Free run of a free mass from the position and speed that were measured at the start: nothing is fitted, it drifts."""
+    trace = trace_of(record, model)
+    first = slice(0, min(20, trace.N))
+    speed = [np.polyfit(trace.t[first], c[first], 1)[0] for c in trace.y.T]
+    problem = Problem(model, (trace,), (), np.zeros(0))
+    start = np.concatenate([trace.y[0], speed])
+    found = np.nan_to_num(evaluate_free(problem, trace, replace(problem.nominal(), starts=(start,))))
+    return Proof(record, trace, found, free_run_gap(trace.y, found, trace.good))
+
+
 def evaluate_free(problem: Problem, trace: Trace, point: Point) -> Array:
     model = replace(problem.model, effects=point.effects)
     return shown(problem, trace, run(problem, trace, model, point.starts[0]))

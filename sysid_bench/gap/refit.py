@@ -30,7 +30,7 @@ def linear_fit(problem: Problem) -> Fit | None:
     """The better of two descents: from the nominal, and from a regression. None where neither can be simulated."""
     known = free_parameters(problem.model.effects)
     first = fit(problem, problem.nominal(), known, iterations=15)
-    if first is not None and first.rho < 1.3:
+    if first is not None and (problem.on_force or first.rho < 1.3):
         return first
     start = regression_start(problem, problem.nominal())
     second = fit(problem, start, known, iterations=15) if start is not None else None

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import force_along, free_response, responded, seen
+from sysid_bench.gap.motion import force_along, free_response, seen
 from sysid_bench.gap.problem import Fit, Point, Problem, frequency_range
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.effect import Effect, Seen, Suspect, direction
@@ -69,8 +69,6 @@ class Basis:
 
 def theta_columns(problem: Problem, s: SeenMotion) -> np.ndarray:
     """(F, ny, ntheta) response to a unit change of each entry."""
-    if s.trace.taper is not None:
-        return _theta_in_time(problem, s)
     B = [s.trace.spectrum(x) for x in (s.a, s.v, s.q)]
     out = np.empty((s.trace.F, s.G.shape[1], len(problem.entries)), dtype=complex)
     for k, ((m, i, j), scale) in enumerate(zip(problem.entries, problem.scale)):
@@ -81,21 +79,8 @@ def theta_columns(problem: Problem, s: SeenMotion) -> np.ndarray:
     return out
 
 
-def _theta_in_time(problem: Problem, s: SeenMotion) -> np.ndarray:
-    motion, eye = (s.a, s.v, s.q), np.eye(problem.model.n)
-    columns = []
-    for (m, i, j), scale in zip(problem.entries, problem.scale):
-        column = responded(s, eye[i], motion[m][:, [j]])
-        if i != j:
-            column = column + responded(s, eye[j], motion[m][:, [i]])
-        columns.append(-scale * column)
-    return np.concatenate(columns, axis=2)
-
-
 def force_columns(s: SeenMotion, c: Array, forces: Array) -> np.ndarray:
     """(F, ny, m) response to forces (N, m) along c that the model lacks (they stand on the left-hand side)."""
-    if s.trace.taper is not None:
-        return -responded(s, c, forces)
     g = s.G[:, :, : len(c)] @ c
     return -g[:, :, None] * s.trace.spectrum(forces)[:, None, :]
 
@@ -369,7 +354,7 @@ def screen(
     return Screen(found, float(b.r @ b.r), by_place, len(b.r), b.lefts)
 
 
-def _judge(problem: Problem, b: Basis, A: Array, groups: list, decoy: list[bool]) -> list[Candidate]:
+def judge(problem: Problem, b: Basis, A: Array, groups: list, decoy: list[bool]) -> list[Candidate]:
     """Candidates of the columns A (rows, m); groups: (first, last, make, price) of each suspect."""
     A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
     norms = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
@@ -414,7 +399,7 @@ def thin(rows: Array) -> Array:
     return padded.reshape(-1, fold, *rows.shape[1:]).sum(axis=1)
 
 
-def _free_count(effect: Effect) -> int:
+def free_count(effect: Effect) -> int:
     return sum(key not in effect.held and key not in ("speed", "damping") for key in effect.numeric)
 
 
@@ -481,7 +466,7 @@ def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place)
     for one, is_decoy in suspects:
         columns += list(one.columns)
         width = len(one.columns)
-        groups.append((at, at + width, one.make, max(width, _free_count(one.columns[0]))))
+        groups.append((at, at + width, one.make, max(width, free_count(one.columns[0]))))
         decoy.append(is_decoy)
         at += width
     forces = [
@@ -496,7 +481,7 @@ def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place)
             groups.append((at, at + 1, make, 3))
             decoy.append(False)
             at += 1
-    return _judge(problem, b, _stack(seens, blocks), groups, decoy)
+    return judge(problem, b, _stack(seens, blocks), groups, decoy)
 
 
 def _not_here(name: str, place) -> bool:
@@ -546,7 +531,7 @@ def _couplings(problem: Problem, seens, b: Basis) -> list[Candidate]:
     if not pairs:
         return []
     A = _stack(seens, [np.concatenate(block, axis=2) for block in blocks])
-    return _judge(problem, b, A, groups, [False] * len(groups))
+    return judge(problem, b, A, groups, [False] * len(groups))
 
 
 def _coupling_maker(kind, pair):
@@ -587,7 +572,7 @@ def _on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) ->
         at += 1
     if not groups:
         return []
-    return _judge(
+    return judge(
         problem, b, _stack(seens, [np.concatenate(block, axis=2) for block in blocks]), groups, decoy
     )
 
@@ -639,7 +624,7 @@ def _on_the_sensors(problem: Problem, seens, b: Basis, catalogue) -> list[Candid
     if not groups:
         return []
     A = _stack(seens, [np.concatenate(block, axis=2) for block in blocks])
-    return _judge(problem, b, A, groups, [False] * len(groups))
+    return judge(problem, b, A, groups, [False] * len(groups))
 
 
 def _sensor_maker(kind, dof: int, duration: float):

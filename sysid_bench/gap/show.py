@@ -8,7 +8,6 @@ import numpy as np
 
 from sysid_bench.gap.choose import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
-from sysid_bench.gap.problem import is_log
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
 
@@ -35,7 +34,7 @@ def gap_values(answer: Answer, thresholds, origin: dict[str, Any]) -> dict[str, 
         "parameters_moved": moved_values(answer, thresholds),
         "where": where_values(answer),
         "noise_floor": answer.floor,
-        "noise_floor_is": "estimated from the highest frequencies",
+        "noise_floor_is": f"estimated {answer.floor_found}",
         "gap_before": answer.gap_before,
         "gap_after": answer.gap_after,
         "residual_over_floor": {
@@ -72,7 +71,7 @@ def deviations(answer: Answer) -> dict[tuple[int, str], float]:
     for k, (e, p) in enumerate(fit.parameters):
         variance = fit.covariance[nt + k, nt + k]
         effect = fit.point.effects[e]
-        size = effect.values[p] if is_log(effect, p) else 1.0
+        size = effect.values[p] if answer.problem.by_log(effect, p) else 1.0
         out[e, effect.numeric[p]] = float(np.sqrt(max(variance, 0.0)) * abs(size))
     return out
 

@@ -29,7 +29,6 @@ class Trace:
     F: int = 0
     weight: Array = field(default_factory=lambda: np.zeros((0, 0)))
     variance: Array = field(default_factory=lambda: np.zeros(0))
-    taper: Array | None = None  # (N,) brings residuals to zero at both ends, where a position may drift
     _stages: dict = field(default_factory=dict)
 
     @property
@@ -61,8 +60,6 @@ class Trace:
 
     def spectrum(self, x: Array) -> np.ndarray:
         """(F, ...) DFT of x (N, ...) in the band."""
-        if self.taper is not None:
-            x = x * self.taper.reshape(-1, *([1] * (x.ndim - 1)))
         return np.fft.rfft(x, axis=0)[: self.F]
 
     def signal(self, X: np.ndarray) -> Array:

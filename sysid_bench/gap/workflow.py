@@ -10,13 +10,13 @@ import numpy as np
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import DataCheck, check_data
-from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose
+from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose, suspects_of
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
-from sysid_bench.gap.force import admissible, floats, force_gap, in_force, with_offset
+from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
-from sysid_bench.gap.prove import Proof, prove
+from sysid_bench.gap.prove import Proof, drive, prove
 from sysid_bench.gap.refit import linear_fit
-from sysid_bench.gap.screen import Screen, screen
+from sysid_bench.gap.screen import Screen
 from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, InputError, Model, Record
@@ -37,9 +37,18 @@ class Answer:
     after: list[Proof]
     noise: Array
     last_screen: Screen | None = None
-    force_gaps: dict[str, float] | None = (
-        None  # of a free mass: as given, refitted, better; on the test records
+    floor_found: str = "from the highest frequencies"
+    judged: dict[str, list[OnForce]] | None = (
+        None  # of a free mass: given, refitted, better on the test records
     )
+
+    @property
+    def force_gaps(self) -> dict[str, float] | None:
+        """Mean gap on the force over the test records of the given, the refitted, the better model; and the noise floor."""
+        if self.judged is None:
+            return None
+        gaps = {name: float(np.mean([j.gap for j in found])) for name, found in self.judged.items()}
+        return {**gaps, "floor": float(np.mean([j.floor for j in self.judged["better"]]))}
 
     @property
     def gap_before(self) -> float:
@@ -78,7 +87,7 @@ def find_gap(
         tell(remark)
     given = model
     model, faults = with_faults(with_offset(model), check)
-    problem, nominal_rho = prepared(train, model, check)
+    problem, nominal_rho, floor_found = prepared(train, model, check)
     tell(f"the model as given leaves {nominal_rho:.4g} times the noise floor")
     linear = linear_fit(problem)
     if linear is None:
@@ -95,27 +104,23 @@ def find_gap(
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
     last = _final_screen(problem, story, catalogue) if power else None
-    before = [prove(given, r) for r in test]
-    after = [prove(better, r) for r in test]
+    show = drive if problem.on_force else prove
+    before = [show(given, r) for r in test]
+    after = [show(better, r) for r in test]
     floor = np.mean([t.variance for t in problem.traces], axis=0)
-    on_force = _on_the_force(problem, linear, given, better, test) if floats(model) else None
+    judged = _on_the_force(problem, linear, given, better, test) if problem.on_force else None
     return Answer(
-        verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, on_force
-    )
+        verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, floor_found, judged,
+    )  # fmt: skip
 
 
 def _on_the_force(
-    problem: Problem, linear: Fit, given: Model, better: Model, test: list[Record]
-) -> dict[str, float]:
-    """Mean force gap over the test records of the given, the refitted linear and the better model."""
+    problem, linear: Fit, given: Model, better: Model, test: list[Record]
+) -> dict[str, list[OnForce]]:
+    """The given, the refitted linear and the better model, judged on the force of the test records."""
     refitted = problem.at(linear.point.theta, linear.point.effects)
-    traces = []
-    for record in test:
-        trace = trace_of(record, given)
-        end = problem.traces[0].omega[-1]
-        traces.append(in_force(banded(trace, problem.traces[0].variance, end), problem))
     models = {"given": given, "refitted": refitted, "better": better}
-    return {name: float(np.mean([force_gap(m, t) for t in traces])) for name, m in models.items()}
+    return {name: [judge_on_force(m, r, problem) for r in test] for name, m in models.items()}
 
 
 def with_faults(model: Model, check: DataCheck) -> tuple[Model, tuple[Effect, ...]]:
@@ -131,8 +136,8 @@ def with_faults(model: Model, check: DataCheck) -> tuple[Model, tuple[Effect, ..
     return replace(model, effects=(*model.effects, *shown)), tuple(shown + rest)
 
 
-def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Problem, float]:
-    """The problem, its noise floor and band set, and how far the nominal is from the floor."""
+def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Problem, float, str]:
+    """The problem, its noise floor and band set; how far the nominal is from the floor; how that was found."""
     traces = []
     for record, bad in zip(records, check.bad):
         flagged = replace(
@@ -144,15 +149,20 @@ def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Pro
         traces.append(trace_of(flagged, model))
     traces = tuple(traces)
     problem = problem_of(model, traces)
+    if floats(model):
+        problem, how = on_force(problem, check.lattice)
+        return problem, _nominal_rho(problem), how
     omega = max(frequency_range(model, t)[1] for t in traces)
     variance = _floor(problem, check.lattice)
     end = max(band_end(t, variance, omega) for t in traces)
     traces = tuple(banded(t, variance, end) for t in traces)
-    if floats(model):
-        traces = tuple(in_force(t, problem) for t in traces)
-    problem = problem.on(traces)
+    problem, how = problem.on(traces), "from the highest frequencies"
+    return problem, _nominal_rho(problem), how
+
+
+def _nominal_rho(problem: Problem) -> float:
     found = evaluate(problem, problem.nominal())
-    return problem, float(found[0] @ found[0] / len(found[0])) if found is not None else np.inf
+    return float(found[0] @ found[0] / len(found[0])) if found is not None else np.inf
 
 
 def _floor(problem: Problem, lattice: Array) -> Array:
@@ -199,4 +209,4 @@ def _final_screen(problem: Problem, story: Story, catalogue) -> Screen | None:
     """One more look, to say what would have been seen: power."""
     if story.rounds and story.rounds[-1].chosen is None:
         return story.rounds[-1].screen
-    return screen(problem, story.fit, catalogue)
+    return suspects_of(problem, story.fit, catalogue)

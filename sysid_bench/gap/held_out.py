@@ -1,0 +1,75 @@
+"""fits on the force -> which one is kept: on a machine what is left is never noise, so held-out blocks decide.
+
+Every fit is scored on blocks that it was not fitted on: linear near its end, it takes one step without the block
+(Cook, Weisberg 1982), no second fit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_bench.gap.inverse import ForceProblem
+from sysid_bench.gap.problem import Fit
+from sysid_bench.nouns import Array
+
+BLOCKS = 12
+DAMPED = 1e-3  # keeps a step where a block alone told about a parameter
+PRACTICAL = 0.003  # of the force: what a smaller effect takes away matters on no machine
+
+
+def block_losses(problem: ForceProblem, fit: Fit) -> Array:
+    """(BLOCKS,) squared residual of each stretch of the records, of a fit that did not see it.
+
+    How steeply a sign is smoothed stays as it is: one step says nothing of a force that jumps.
+    """
+    shapes = [(e, p) for e, p in fit.parameters if fit.point.effects[e].numeric[p] != "speed"]
+    J = problem.jacobian(fit.point, fit.runs, shapes)
+    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    H, losses = J.T @ J, []
+    for part in np.array_split(np.arange(len(fit.rows)), BLOCKS):
+        r, Jb = fit.rows[part], J[part]
+        # the step away from the whole fit, where J' r = 0
+        step = np.linalg.solve(H - Jb.T @ Jb + DAMPED * np.eye(len(H)), -Jb.T @ r)
+        out = r - Jb @ step
+        losses.append(float(out @ out))
+    return np.array(losses)
+
+
+def gain(problem: ForceProblem, before: Fit, after: Fit) -> tuple[float, float]:
+    """(total, standard error) of what the later fit takes off the held-out loss, over blocks."""
+    d = block_losses(problem, before) - block_losses(problem, after)
+    return float(d.sum()), float(np.std(d, ddof=1) * np.sqrt(len(d)))
+
+
+def earns_on_force(problem: ForceProblem, before: Fit, after: Fit, practical: float) -> bool:
+    """True where the held-out gain exceeds two standard errors and `practical` of what is left over the noise."""
+    total, error = gain(problem, before, after)
+    left = max(before.rss - len(before.rows), 0.0)
+    force = before.rss / problem.share_missed(before) ** 2
+    if total < PRACTICAL**2 * force:
+        return False
+    return total > 2 * error and total > practical * left and total > 25
+
+
+def held_out_cost(problem: ForceProblem, fit: Fit) -> float:
+    """Twice the held-out loss: comparable with the price of a fit by free-run simulation."""
+    return 2 * float(block_losses(problem, fit).sum())
+
+
+def simplest(losses: list[Array], ranks: list[tuple], related: list[bool], rules: tuple[float, float]) -> int:
+    """Number of the fit to keep: the lowest rank of those as good as the best on held-out blocks.
+
+    losses per fit and block; related: the best is this one with more shape; rules: what a richer shape must take of
+    what the simpler leaves, and a stranger of what the best leaves. Within two standard errors all are as good.
+    """
+    best = losses[int(np.argmin([x.sum() for x in losses]))]
+    as_good = []
+    for k, loss in enumerate(losses):
+        behind, (richer, stranger) = loss - best, rules
+        allowed = richer * loss.sum() if related[k] else stranger * best.sum()
+        unclear = (
+            behind.sum() < 2 * np.std(behind, ddof=1) * np.sqrt(BLOCKS) and behind.sum() < 0.1 * best.sum()
+        )
+        if behind.sum() <= allowed or unclear:
+            as_good.append((ranks[k], float(behind.sum()), k))
+    return min(as_good)[2]

@@ -1,0 +1,127 @@
+"""Closed loop and free masses: the gap on the force names what the position cannot tell. Simulated by a loop of its own."""
+
+import numpy as np
+import pytest
+
+from sysid_bench.gap.choose import Rules
+from sysid_bench.gap.workflow import find_gap
+from sysid_bench.nouns import Model, Record
+
+H, FINE = 1e-3, 10  # sampling time in s, small steps per sample
+MASS, DAMPING, PITCH = 95.0, 200.0, 2.5e-3
+
+
+def moves(N):
+    """(N,) m: there and back at two speeds, with pauses."""
+    corners = [(0.0, 0.0), (0.5, 0.0), (1.7, 0.12), (2.2, 0.12), (3.4, 0.0), (3.9, 0.0), (6.3, 0.12), (6.8, 0.12), (9.2, 0.0), (10, 0.0)]  # fmt: skip
+    path = np.interp(H * np.arange(N), *np.array(corners).T)
+    smooth = np.hanning(201)
+    return np.convolve(np.pad(path, 100, "edge"), smooth / smooth.sum(), "valid")
+
+
+def closed_loop(
+    rng, coulomb=0.0, asymmetry=0.0, ripple=0.0, phase=0.0, delay=0, pulses=0.0, N=10_000, stretch=1.0
+):
+    """Record of a positioning system under two nested proportional controllers; delay in samples.
+
+    Leapfrog at a tenth of the sampling time; friction as a steep slope, not the catalogue's law.
+    """
+    reference, u, y = stretch * moves(N), np.zeros(N), np.zeros(N)
+    x, v, before, line = 0.0, 0.0, 0.0, np.zeros(delay + 1)
+
+    def acceleration(x, v, force):
+        friction = coulomb * min(max(v / 2e-4, -1), 1) + asymmetry * abs(v)
+        return (force - DAMPING * v - friction + ripple * np.sin(2 * np.pi * x / PITCH + phase)) / MASS
+
+    kicks = pulses * ((np.arange(N) // 700) % 3 == 1)
+    for k in range(N):
+        y[k] = x + 1e-7 * rng.standard_normal()
+        speed = (y[k] - before) / H if k else 0.0
+        before = y[k]
+        u[k] = 6000 * (60 * (reference[k] - y[k]) - speed) + kicks[k]
+        line = np.append(line[1:], u[k])
+        for _ in range(FINE):
+            v += H / FINE / 2 * acceleration(x, v, line[0])
+            x += H / FINE * v
+            v += H / FINE / 2 * acceleration(x, v, line[0])
+    return Record(H * np.arange(N), u[:, None], y[:, None], hold="zoh")
+
+
+@pytest.fixture(scope="module")
+def machine():
+    """Two records to learn from and one to prove on, each with a phase of its own."""
+    rng = np.random.default_rng(7)
+    lacking = dict(coulomb=20.0, asymmetry=-37.0, ripple=2.0, delay=1)
+    return [
+        closed_loop(rng, phase=0.4, **lacking),
+        closed_loop(rng, phase=2.9, stretch=0.8, **lacking),
+        closed_loop(rng, phase=-1.7, pulses=40.0, **lacking),
+    ]
+
+
+NOMINAL = Model([[90.0]], [[250.0]], [[0.0]], hold="zoh")
+
+
+@pytest.fixture(scope="module")
+def answer(machine):
+    return find_gap(machine[:2], machine[2:], NOMINAL, rules=Rules(most=5), power=False)
+
+
+def test_all_four_are_named_in_the_order_of_their_size(answer):
+    assert answer.verdict.word == "effect"
+    assert [e.name for e in answer.added][:1] == ["coulomb_friction"]
+    assert {e.name for e in answer.added} == {
+        "coulomb_friction", "asymmetric_friction", "input_delay", "position_ripple",
+    }  # fmt: skip
+
+
+def test_their_sizes_are_right(answer):
+    found = {e.name: e for e in answer.added}
+    assert found["coulomb_friction"].force == pytest.approx(20, rel=0.03)
+    assert found["asymmetric_friction"].damping == pytest.approx(-37, rel=0.1)
+    assert found["input_delay"].delay == pytest.approx(H, rel=0.2)
+    assert found["position_ripple"].amplitude == pytest.approx(2.0, rel=0.1)
+    assert found["position_ripple"].pitch == pytest.approx(PITCH, rel=1e-3)
+    assert answer.better.mass[0, 0] == pytest.approx(MASS, rel=0.01)
+
+
+def test_the_held_out_force_error_falls_although_the_phase_is_new(answer):
+    gaps = answer.force_gaps
+    assert gaps["better"] < 0.2 * gaps["refitted"] < gaps["given"]
+
+
+def test_a_closed_loop_in_which_nothing_is_missing_gets_no_name():
+    rng = np.random.default_rng(3)
+    records = [closed_loop(rng), closed_loop(rng, pulses=40.0)]
+    answer = find_gap(
+        records[:1], records[1:], Model([[MASS]], [[DAMPING]], [[0.0]], hold="zoh"), power=False
+    )
+    assert not answer.added and answer.verdict.word in ("none", "parameters")
+
+
+def two_masses(rng, N=4000, m=(2.0, 0.6), d=1.5, hertz=6.0):
+    """Record of the first of two masses, both free, under a stepwise force."""
+    u, y = np.repeat(rng.standard_normal(N // 20), 20) * 10, np.zeros(N)
+    x, v, inverse, k = np.zeros(2), np.zeros(2), 1 / np.array(m), m[1] * (2 * np.pi * hertz) ** 2
+
+    def acceleration(force):
+        link = k * (x[0] - x[1]) + d * (v[0] - v[1])
+        return np.array([force - 4.0 * v[0] - link, link]) * inverse
+
+    for i in range(N):
+        y[i] = x[0] + 1e-7 * rng.standard_normal()
+        for _ in range(FINE):
+            v = v + H / FINE / 2 * acceleration(u[i])
+            x = x + H / FINE * v
+            v = v + H / FINE / 2 * acceleration(u[i])
+    return Record(H * np.arange(N), u[:, None], y[:, None], hold="zoh")
+
+
+def test_a_hidden_mode_of_a_free_mass_is_found():
+    rng = np.random.default_rng(5)
+    records = [two_masses(rng), two_masses(rng)]
+    answer = find_gap(records[:1], records[1:], Model([[2.2]], [[4.0]], [[0.0]], hold="zoh"), power=False)
+    assert [e.name for e in answer.added] == ["extra_mode"]
+    assert answer.added[0].frequency == pytest.approx(6.0, rel=0.01)
+    assert answer.added[0].mass == pytest.approx(0.6, rel=0.03)
+    assert answer.force_gaps["better"] < 0.05 * answer.force_gaps["refitted"]
