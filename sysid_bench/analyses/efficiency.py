@@ -32,6 +32,7 @@ class Efficiency:
     lost_share       of output samples missing at random, 0 to 1
     sensors, forces  how many of the first sensors and forces are left; null: all
     zeta             damping ratio of every mode in place of the plant's damping; null: the plant's
+    input_snr_db     dB of white noise on the measured force, which no method here models; null: none
     noise            diagonal | coloured: the noise model of the fit
     against_truth    search from the truth too
 
@@ -47,6 +48,7 @@ class Efficiency:
     sensors: int | None = None
     forces: int | None = None
     zeta: float | None = None
+    input_snr_db: float | None = None
     noise: str = "diagonal"
     against_truth: bool = False
 
@@ -55,6 +57,7 @@ class Efficiency:
         plant = self._changed(plant)
         record, variance = self._record(plant, sampling, rng)
         bound = self._bound(plant, record, variance)
+        record = self._with_input_noise(record, rng)
         start = time.perf_counter()
         with np.errstate(all="ignore"):
             problem = problem_of([record], plant.model().structure_only(), self.noise, False, False)
@@ -91,6 +94,13 @@ class Efficiency:
         y = y + e[BURN_IN:] * np.sqrt(variance)
         quality = np.where(rng.random(N) < self.lost_share, LOST, 0).astype(np.uint8)
         return Record(h * np.arange(N), u, y, "cubic", quality if quality.any() else None), variance
+
+    def _with_input_noise(self, record: Record, rng: np.random.Generator) -> Record:
+        """The same outputs, beside forces that a noisy sensor saw."""
+        if self.input_snr_db is None:
+            return record
+        variance = noise_variance(record.u, self.input_snr_db)
+        return replace(record, u=record.u + rng.standard_normal(record.u.shape) * np.sqrt(variance))
 
     def _bound(self, plant: Plant, record: Record, variance: Array) -> Bound:
         if self.ar is None:
