@@ -7,11 +7,12 @@ RESULTS ?= results
 SCALE  ?= normal
 JOBS   ?= 2
 PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_baysec_1997/*.yaml experiments/bruschetta_2011/*.yaml)))
+BOUND := $(filter-out at_the_bound/leaderboard,$(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/at_the_bound/*.yaml)))) peers/peers
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: docs gap rig test-socketcan setup sweep sweep-full papers figures leaderboard smoke test check check-full lint types bench lock clean help
+.PHONY: docs bound gap rig test-socketcan setup sweep sweep-full papers figures leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
@@ -38,6 +39,10 @@ papers: $(READY) ## docs/papers.md from the results of `make sweep`
 leaderboard: $(READY) ## every method against the Cramer-Rao bound: docs/leaderboard.md
 	$(BIN)/sysid-bench sweep experiment=at_the_bound/leaderboard results_dir=$(RESULTS) scale=$(SCALE)
 	$(BIN)/python -m sysid_bench.views.leaderboard $(RESULTS) docs/leaderboard.md
+
+bound: $(READY) ## maximum likelihood and the peers at the Cramer-Rao bound, hard conditions too: docs/at_the_bound.md
+	@set -e; for study in $(BOUND); do $(BIN)/sysid-bench sweep experiment=$$study results_dir=$(RESULTS) scale=$(SCALE); done
+	$(BIN)/python -m sysid_bench.views.bound_page $(RESULTS) docs/at_the_bound.md
 
 figures: $(READY) ## the README's figures from the results of `make sweep`
 	@mkdir -p docs/figures
