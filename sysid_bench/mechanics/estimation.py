@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import Maximum, Parameters, Run, evaluate, maximise
+from sysid_bench.mechanics.likelihood import LIMIT, Maximum, Parameters, Run, evaluate, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.proportional import proportional_parameters, proportions
 from sysid_bench.mechanics.response import POWER, Maps
@@ -22,6 +22,7 @@ from sysid_bench.nouns import Array, Diverged, InputError, Model, NotApplicable,
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 ENOUGH_BINS = 500  # to approach the maximum on
+NEAR_LIMIT = 30  # iterations from there; a few are the rule
 SLACK = 0.05  # how negative an estimate may be by noise, relative
 DIM = 0.25  # of an output's power: with more noise than this, one start is not enough
 SAME_MAXIMUM = 0.1  # of log-likelihood
@@ -96,7 +97,7 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
         near = [_thin(run) for run in narrow] if share == 1.0 else narrow
         for start in starts(near, problem.free, problem.known, problem.guess, share == 1.0):
             try:
-                tries.append(_settled(problem, runs, _approached(problem, near, runs, start())))
+                tries.append(_settled(problem, runs, *_approached(problem, near, runs, start())))
             except (Diverged, NotApplicable) as problem_met:
                 reasons.append(str(problem_met))
                 continue
@@ -143,11 +144,17 @@ def _thin(run: Run) -> Run:
     return replace(run, data=data, F=F)
 
 
-def _approached(problem: Problem, sparse: list[Run], full: list[Run], theta: Array) -> Array:
-    """theta after a search on few bins, where that is cheaper."""
+def _approached(problem: Problem, sparse: list[Run], full: list[Run], theta: Array) -> tuple[Array, int]:
+    """theta after a search on few bins, where that is cheaper, and how many iterations the search on all may then take.
+
+    Raises Diverged where it ends nowhere.
+    """
     if all(a.F == b.F for a, b in zip(sparse, full)):
-        return theta
-    return _maximise(problem, sparse, theta).theta
+        return theta, LIMIT
+    near = Fit(problem, sparse, _maximise(problem, sparse, theta))
+    if not is_sound(near):
+        raise Diverged("the search on few bins did not end in a plant that can exist")
+    return near.maximum.theta, NEAR_LIMIT
 
 
 def unexplained(fit: Fit) -> float:
@@ -194,9 +201,9 @@ def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
     return Run(data, problem.maps, band_edge(data), "full" if problem.noise == "full" else "diagonal")
 
 
-def _settled(problem: Problem, runs: list[Run], theta: Array) -> Fit:
+def _settled(problem: Problem, runs: list[Run], theta: Array, limit: int) -> Fit:
     for _ in range(3):
-        maximum = _maximise(problem, runs, theta)
+        maximum = _maximise(problem, runs, theta, limit)
         wider = [replace(run, F=max(run.F, _needed(run, maximum))) for run in runs]
         if not maximum.converged or all(a.F == b.F for a, b in zip(runs, wider)):
             break
@@ -209,17 +216,17 @@ def _needed(run: Run, maximum: Maximum) -> int:
     return int(min(np.searchsorted(run.data.omega, EDGE_OVER_TOP_MODE * top), len(run.data.omega)))
 
 
-def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
+def _maximise(problem: Problem, runs: list[Run], theta: Array, limit: int = LIMIT) -> Maximum:
     free, n = problem.free, problem.maps.n
     if problem.definite:
-        found = maximise(runs, theta)
+        found = maximise(runs, theta, limit=limit)
         if found.converged and all(np.linalg.eigvalsh(X)[0] > 0 for X in unpack(found.theta, n)):
             return found
-        return maximise(runs, factor(found.theta, n), definite_parameters(n))
+        return maximise(runs, factor(found.theta, n), definite_parameters(n), limit)
     if problem.proportional:
-        return maximise(runs, proportions(theta, n), proportional_parameters(n))
+        return maximise(runs, proportions(theta, n), proportional_parameters(n), limit)
     if free.all():
-        return maximise(runs, theta)
+        return maximise(runs, theta, limit=limit)
     T = np.eye(len(theta))[:, free]
 
     def value(phi: Array) -> Array:
@@ -227,4 +234,4 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array) -> Maximum:
         full[free] = phi
         return full
 
-    return maximise(runs, theta[free], Parameters(value, lambda phi: T))
+    return maximise(runs, theta[free], Parameters(value, lambda phi: T), limit)
