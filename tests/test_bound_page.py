@@ -17,12 +17,28 @@ def study(folder, name: str, rows: list[dict], **config) -> None:
 
 def row(ratio: float, snr: float, status: str = "ok", **more) -> dict:
     ratios = {f"{X}_over_bound": ratio for X in "MDK"}
-    return {"plant": "eight_dof", "analysis.snr_db": snr, "status": status, "worst_over_bound": ratio, **ratios, **more}
+    return {
+        "plant": "eight_dof",
+        "analysis.snr_db": snr,
+        "status": status,
+        "worst_over_bound": ratio,
+        **ratios,
+        **more,
+    }
 
 
 def test_a_line_per_point_with_S_failures_and_the_share_near_the_bound(tmp_path) -> None:
-    more = {"truth_ahead": 0.0, **{f"{X}_over_bound_from_truth": 1.0 for X in "MDK"}, "worst_over_bound_from_truth": 1.0}
-    rows = [row(3.0, 0.0, **more), row(1.0, 0.0, **more), row(float("nan"), 0.0, "diverged"), row(1.0, -10.0, **more)]
+    more = {
+        "truth_ahead": 0.0,
+        **{f"{X}_over_bound_from_truth": 1.0 for X in "MDK"},
+        "worst_over_bound_from_truth": 1.0,
+    }
+    rows = [
+        row(3.0, 0.0, **more),
+        row(1.0, 0.0, **more),
+        row(float("nan"), 0.0, "diverged"),
+        row(1.0, -10.0, **more),
+    ]
     study(tmp_path, "at_the_bound/low_snr", rows, axes={"analysis.snr_db": [0.0, -10.0]})
     page = bound_page(tmp_path)
     assert "| condition | runs | failed | S of M / D / K | near |" in page
@@ -32,7 +48,9 @@ def test_a_line_per_point_with_S_failures_and_the_share_near_the_bound(tmp_path)
 
 def test_methods_show_their_errors_and_absent_ones_that_they_do_not_apply(tmp_path) -> None:
     ok = row(2.0, 15.0, method="a", fit_s=0.02, pole_error=0.001, **{f"{X}_error": 0.01 for X in "MDK"})
-    absent = row(float("nan"), 15.0, "not_applicable", method="b", fit_s=float("nan"), pole_error=float("nan"))
+    absent = row(
+        float("nan"), 15.0, "not_applicable", method="b", fit_s=float("nan"), pole_error=float("nan")
+    )
     study(tmp_path, "peers/peers", [ok, absent], axes={"method": ["a", "b"]})
     page = bound_page(tmp_path)
     assert "| a | 1 | 0 | 2.00 / 2.00 / 2.00 | 1 / 1 / 1 | 0.1 | 20 | 0 % |" in page

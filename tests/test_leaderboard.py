@@ -20,6 +20,14 @@ def test_a_few_wild_runs_do_not_hide_the_median() -> None:
     assert "(median 1.00 / 1.00 / 1.00)" in leaderboard([row("a", 1.0), row("a", 1.0), row("a", 100.0)])
 
 
+def test_the_time_is_that_of_the_fastest_run_of_a_point() -> None:
+    rows = [
+        row("a", 1.0) | {"fit_s": s, "sampling.h_s": h}
+        for s, h in ((9.0, 0.1), (0.1, 0.1), (0.3, 0.2), (0.2, 0.3))
+    ]
+    assert "| 200 |" in leaderboard(rows)
+
+
 def test_a_missing_study_is_named(tmp_path, capsys) -> None:
     assert main([str(tmp_path), str(tmp_path / "page.md")]) == 2
     assert "experiment=at_the_bound/leaderboard" in capsys.readouterr().err

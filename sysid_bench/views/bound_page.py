@@ -28,7 +28,7 @@ STUDIES = (
 FIRST = {
     "plant": "plant", "excitation": "force", "noise": "noise", "sampling.h_s": "h, s", "noise.snr_db": "dB", "method": "method",
 }  # fmt: skip
-DULL = ("analysis.knot_spacing_s",)  # goes with the plant
+DULL = ("analysis.knot_spacing_s", "excitation.knot_spacing_s")  # go with the plant or the force
 NEAR = 1.3  # of the bound
 SAME_MAXIMUM = 1.0  # of log-likelihood
 HEAD = f"""# At the bound
@@ -36,7 +36,7 @@ HEAD = f"""# At the bound
 S = root mean square over runs of error / Cramér-Rao bound of the very record (relative Frobenius norms), for M / D / K: 1 is the
 best that any unbiased method can do. "Near" is the share of runs in which all three are within {NEAR} of their bounds; an estimate that
 is exactly at the bound is there in 75 to 95 % of runs, by chance alone. N = 6000 samples, cubic noise force unless said otherwise. A failure is a
-run without an estimate. Made by `make bound`.
+run without an estimate; ms is that of the fastest run. Made by `make bound`.
 """
 Rows = np.ndarray  # (rows,) bool
 Cell = Callable[[Columns, Rows], str]
@@ -106,9 +106,7 @@ def _cells(columns: Columns) -> dict[str, Cell]:
         found["median error of the poles, %"] = lambda c, rows: _median_percent(
             _numbers(c, rows, "pole_error")
         )
-        found["ms"] = lambda c, rows: (
-            f"{1e3 * np.median(c['fit_s'][_good(c, rows)]):.0f}" if _good(c, rows).any() else ""
-        )
+        found["ms"] = _fastest
     if "worst_over_bound" in columns:
         found["near"] = lambda c, rows: _percent(c["worst_over_bound"][_good(c, rows)] <= NEAR, rows)
     if "truth_ahead" in columns:
@@ -124,6 +122,11 @@ def _cells(columns: Columns) -> dict[str, Cell]:
 
 def _good(columns: Columns, rows: Rows) -> Rows:
     return rows & (columns["status"] == "ok")
+
+
+def _fastest(columns: Columns, rows: Rows) -> str:
+    taken = _numbers(columns, rows, "fit_s")
+    return f"{1e3 * taken.min():.0f}" if len(taken) else ""
 
 
 def _failures(columns: Columns, rows: Rows) -> str:

@@ -19,7 +19,7 @@ HEAD = """# Leaderboard
 S = root mean square over runs of error / Cramer-Rao bound of the very record (relative Frobenius norms): 1 is the best that
 any unbiased method can do, on average. Failures are runs without an estimate; they are left out of S and counted beside it. The
 median says what a typical run gives where S is ruled by a few. N = 6000 samples, cubic noise force, white noise,
-one core; ms is the median of one fit. Made by `make leaderboard`.
+one core; ms is that of the fastest run of a point (a busy machine slows the others), the median over the points. Made by `make leaderboard`.
 """
 
 
@@ -83,8 +83,12 @@ def _number(x: float) -> str:
 
 
 def _milliseconds(rows: Sequence[dict[str, Any]]) -> str:
-    taken = [row["fit_s"] for row in rows if row["status"] == "ok" and row["fit_s"]]
-    return f"{1e3 * float(np.median(taken)):.0f}" if taken else ""
+    fastest: dict[float, float] = {}
+    for row in rows:
+        if row["status"] == "ok" and row["fit_s"]:
+            h = row["sampling.h_s"]
+            fastest[h] = min(fastest.get(h, np.inf), row["fit_s"])
+    return f"{1e3 * float(np.median(list(fastest.values()))):.0f}" if fastest else ""
 
 
 def main(arguments: Sequence[str]) -> int:
