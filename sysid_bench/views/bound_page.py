@@ -44,7 +44,11 @@ Cell = Callable[[Columns, Rows], str]
 
 def bound_page(results: str | Path) -> str:
     """The page in Markdown, of those studies that were run. Raises InputError where none was."""
-    studies = [read_study(folder) for name in STUDIES if (folder := Path(results) / name).is_dir()]
+    studies = [
+        read_study(folder.parent)
+        for name in STUDIES
+        if (folder := Path(results) / name / "table.parquet").is_file()
+    ]
     if not studies:
         raise InputError(f"{results}: none of {', '.join(STUDIES)} was run; `make bound` runs them.")
     return HEAD + "".join(_section(study) for study in studies)
