@@ -18,6 +18,7 @@ from sysid_bench.gap.decide import Thresholds
 from sysid_bench.gap.show import gap_values
 from sysid_bench.gap.workflow import Answer, find_gap
 from sysid_bench.nouns import InputError, Record
+from sysid_bench.pairing import pair
 from sysid_bench.records import read_record
 
 
@@ -26,9 +27,10 @@ def main(cfg: dict[str, Any]) -> int:
     begun = time.perf_counter()
     out = Path(cfg["out"])
     train_files, test_files = files(cfg["train"]), files(cfg["test"])
-    train, test = ([read_record(f) for f in group] for group in (train_files, test_files))
     own = own_effects(cfg["effects_path"])
     model = read_model(cfg["model"], own)
+    paired = [[pair(read_record(f), model) for f in group] for group in (train_files, test_files)]
+    train, test = ([record for record, _, _ in group] for group in paired)
     rules = Rules(**cfg["rules"])
     thresholds = Thresholds(
         **{k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}
@@ -37,6 +39,8 @@ def main(cfg: dict[str, Any]) -> int:
     def tell(line: str) -> None:
         print(f"[{time.perf_counter() - begun:6.2f} s] {line}", file=sys.stderr, flush=True)
 
+    for remark in dict.fromkeys(r for group in paired for _, _, remarks in group for r in remarks):
+        tell(f"note: {remark}")
     answer = find_gap(train, test, model, own, rules, thresholds, tell, cfg["power"])
     origin = provenance("gap", cfg, [*train_files, *test_files, cfg["model"]])
     values = gap_values(answer, thresholds, origin)

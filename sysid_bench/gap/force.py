@@ -14,7 +14,7 @@ from sysid_bench.effects import effect_class
 from sysid_bench.gap.inverse import ForceProblem, fade, measured_motion, own_phases, rows_of
 from sysid_bench.gap.laps import force_floor
 from sysid_bench.gap.problem import Problem
-from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, noise_floor, trace_of
+from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, trace_of, white_floor
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, Model, Record
 
@@ -58,7 +58,7 @@ def on_force(problem: Problem, lattice: Array) -> tuple[ForceProblem, str]:
     traces = tuple(force_banded(trace, end) for trace in shortened)
     motions = tuple(measured_motion(trace) for trace in traces)
     bare = ForceProblem(problem.model, traces, problem.entries, problem.scale, motions)
-    sigma, how = force_floor(bare, [noise_floor(t, _between_ends(t.y), lattice) for t in problem.traces])
+    sigma, how = force_floor(bare, [white_floor(t, _between_ends(t.y), lattice) for t in problem.traces])
     traces = tuple(replace(t, weight=t.weight / sigma) for t in traces)
     return replace(bare, traces=traces), how
 
@@ -84,7 +84,7 @@ def _between_ends(x: Array) -> Array:
 
 def band_on_force(model: Model, trace: Trace, lattice: Array) -> float:
     """rad/s from which on the force of the sensors' noise is no longer small beside the force that was given."""
-    variance = noise_floor(trace, _between_ends(trace.y), lattice)
+    variance = white_floor(trace, _between_ends(trace.y), lattice)
     omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
     given = _between_ends(trace.u) @ model.input_map.T
     S = np.abs(np.fft.rfft(given, axis=0)) ** 2 / trace.N

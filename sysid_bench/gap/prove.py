@@ -101,10 +101,9 @@ def _misfit(problem: Problem, part: Trace, point: Point) -> float:
 def _first_part(trace: Trace) -> Trace:
     N = max(int(FIRST_PART * trace.N), min(trace.N, 200))
     part = Trace(trace.u[:N], trace.y[:N], trace.h, trace.t0, trace.good[:N], trace.hold, trace.period)
-    variance = np.maximum(
-        noise_floor(part, part.y, np.zeros(part.y.shape[1])), 1e-12 * np.mean(part.y**2, axis=0)
-    )
-    return banded(part, variance, np.pi / part.h)
+    found = noise_floor(part, part.y, np.zeros(part.y.shape[1]))
+    floor = replace(found, variance=np.maximum(found.variance, 1e-12 * np.mean(part.y**2, axis=0)))
+    return banded(part, floor, np.pi / part.h)
 
 
 def _static(model: Model) -> Array:

@@ -105,7 +105,8 @@ def _own_columns(problem: Problem, point: Point, s: SeenMotion) -> np.ndarray:
             c = direction(effect.dof, n)
             columns.append(force_columns(s, c, np.column_stack([s.q @ c, s.v @ c, s.a @ c])))
         if effect.path == "sensor":
-            columns.append(_sensor_columns(s, effect.name, effect.dof))
+            channel = int(np.argmax(np.abs(problem.model.output_map[:, effect.dof or 0])))
+            columns.append(_sensor_columns(s, effect.name, channel))
         if effect.path == "actuator" and effect.numeric:
             step = 0.02 * max(effect.values[0], 1e-9)
             columns.append(
@@ -116,14 +117,14 @@ def _own_columns(problem: Problem, point: Point, s: SeenMotion) -> np.ndarray:
     )
 
 
-def _sensor_columns(s: SeenMotion, name: str, channel: int | None) -> np.ndarray:
+def _sensor_columns(s: SeenMotion, name: str, channel: int) -> np.ndarray:
     t = np.arange(s.trace.N) / s.trace.N
     if name == "sensor_scale":  # the linear response, not the measurement: that would explain itself away
-        shapes = [_linear_output(s)[:, channel or 0]]
+        shapes = [_linear_output(s)[:, channel]]
     else:
         shapes = [np.ones(s.trace.N)] if name == "sensor_bias" else [t, t * t]
     out = np.zeros((s.trace.F, s.G.shape[1], len(shapes)), dtype=complex)
-    out[:, channel or 0, :] = s.trace.spectrum(np.column_stack(shapes))
+    out[:, channel, :] = s.trace.spectrum(np.column_stack(shapes))
     return out
 
 
@@ -288,15 +289,21 @@ class Search:
         if kind == "tone":
             raw = self.s.trace.signal(self.s.left)
             found = self._peaks(self.force, 2, self.s.trace.omega[-1])
-            for channel in range(min(raw.shape[1], 3)):
-                at = channel if raw.shape[1] <= 3 else int(np.argmax(np.abs(self.c)))
-                found += self._peaks(self.residual[:, at], 1, self.s.trace.omega[-1])
-                found += self._peaks(raw[:, at], 1, self.s.trace.omega[-1])
-                if raw.shape[1] > 3:
-                    break
+            for channel in self._listening():
+                found += self._peaks(self.residual[:, channel], 1, self.s.trace.omega[-1])
+                found += self._peaks(raw[:, channel], 1, self.s.trace.omega[-1])
             return sorted(set(found))
         carrier = self.v if kind == "damping modulation" else self.x
         return self._peaks(self.force * carrier, 3, 2.2 * self.high)
+
+    def _listening(self) -> list[int]:
+        """Channels in which a tone at this place is heard: all of a few, else its own sensor, else the loudest."""
+        C, c = self.problem.model.output_map, self.c
+        if len(C) <= 3:
+            return list(range(len(C)))
+        own = np.abs(C @ c)
+        heard = own if own.max() > 0 else np.sum(np.abs(self.s.G[:, :, : len(c)] @ c) ** 2, axis=0)
+        return [int(np.argmax(heard))]
 
     def _peaks(self, x: Array, count: int, top: float) -> list[float]:
         N = 4 * len(x)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sysid_bench.gap.colour import Floor, coloured
 from sysid_bench.mechanics.stages import stage_values
 from sysid_bench.nouns import Array, InputError, Model, Record
 
@@ -85,7 +86,8 @@ def trace_of(record: Record, model: Model) -> Trace:
     good = np.ones(record.N, dtype=bool) if record.quality is None else record.quality == 0
     good &= np.isfinite(record.y).all(axis=1) & np.isfinite(record.u).all(axis=1)
     hold = model.hold or record.hold or "zoh"
-    y, u = np.nan_to_num(record.y), np.nan_to_num(record.u)
+    told = np.isfinite(record.u).all(axis=1)[:, None]
+    y, u = np.where(told, np.nan_to_num(record.y), 0.0), np.where(told, record.u, 0.0)
     t, h = record.t, None
     if record.is_uniform:
         h = record.h
@@ -93,11 +95,18 @@ def trace_of(record: Record, model: Model) -> Trace:
         t, u, y, good, h = _regular(record, u, y, good, hold)
     if good.sum() < 20 * (model.n + 1):
         raise InputError(f"{good.sum()} good samples are too few for {model.n} degree(s) of freedom.")
-    k = np.arange(len(y))
+    k, y_given = np.arange(len(y)), y
     if not good.all():
         y = np.column_stack([np.interp(k, k[good], c[good]) for c in y.T])
-        u = _filled_input(u, good, hold)
+        u = _filled_input(u, good | _input_known(u, y_given, good), hold)
     return Trace(u, y, h, float(t[0]), good, hold, record.period)
+
+
+def _input_known(u: Array, y: Array, good: np.ndarray) -> np.ndarray:
+    """(N,) True where a flagged row still tells the input: it is no blank, no copy of the row before, and in range."""
+    rows = np.hstack([u, y])
+    blank = np.all(rows == 0, axis=1) | np.all(np.diff(rows, axis=0, prepend=rows[:1] + 1) == 0, axis=1)
+    return ~blank & np.all(np.abs(u) <= 1.001 * np.abs(u[good]).max(axis=0), axis=1)
 
 
 def _filled_input(u: Array, good: np.ndarray, hold: str) -> Array:
@@ -127,30 +136,53 @@ def _regular(record: Record, u: Array, y: Array, good: np.ndarray, hold: str):
     return grid, full_u, full_y, full_good, h
 
 
-def noise_floor(trace: Trace, residual: Array, lattice: Array) -> Array:
+def white_floor(trace: Trace, residual: Array, lattice: Array) -> Array:
     """(ny,) noise variance: the residual's median periodogram above 0.6 Nyquist, and a lattice's step^2 / 12."""
-    R = np.abs(np.fft.rfft(trace.filled(residual), axis=0)) ** 2 / trace.N
-    high = R[int(0.6 * len(R)) :]
-    floor = np.median(high, axis=0) / np.log(2)
+    return _white(trace, _periodogram(trace, residual), lattice)
+
+
+def noise_floor(trace: Trace, residual: Array, lattice: Array, omega_max: float = 0.0) -> Floor:
+    """The noise with its colour, where it has one.
+
+    omega_max: rad/s of the fastest mode; well above it only noise is heard.
+    """
+    R = _periodogram(trace, residual)
+    variance = _white(trace, R, lattice)
+    phi = np.zeros(len(variance))
+    for c in np.flatnonzero(lattice == 0):
+        found = coloured(R[:, c], 2 * omega_max * trace.h / np.pi)
+        if found is not None:
+            variance[c], phi[c] = found
+    return Floor(variance, phi)
+
+
+def _periodogram(trace: Trace, residual: Array) -> Array:
+    return np.abs(np.fft.rfft(trace.filled(residual), axis=0)) ** 2 / trace.N
+
+
+def _white(trace: Trace, R: Array, lattice: Array) -> Array:
+    floor = np.median(R[int(0.6 * len(R)) :], axis=0) / np.log(2)
     scale = np.mean(trace.y**2, axis=0)
     return np.maximum(np.maximum(floor, lattice**2 / 12), 1e-14 * scale + 1e-300)
 
 
-def band_end(trace: Trace, variance: Array, omega_max: float) -> float:
+def band_end(trace: Trace, floor: Floor, omega_max: float) -> float:
     """rad/s up to which the record says anything: where its smoothed spectrum still stands above the noise."""
     S = np.abs(np.fft.rfft(trace.y, axis=0)) ** 2 / trace.N
     kernel = np.ones(SMOOTHING_BINS) / SMOOTHING_BINS
     omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
+    noise = floor.density(omega * trace.h)
     top = 0.0
     for c in range(S.shape[1]):
-        above = np.flatnonzero(np.convolve(S[:, c], kernel, "same") > 2.5 * variance[c])
+        above = np.flatnonzero(np.convolve(S[:, c], kernel, "same") > 2.5 * noise[:, c])
         top = max(top, omega[above[-1]] if len(above) else 0.0)
     return min(max(1.5 * omega_max, 1.15 * top), 0.5 * np.pi / trace.h, 6 * omega_max)
 
 
-def banded(trace: Trace, variance: Array, end: float) -> Trace:
+def banded(trace: Trace, floor: Floor, end: float) -> Trace:
     """The trace with its band and weights set."""
-    F = max(int(np.searchsorted(2 * np.pi * np.fft.rfftfreq(trace.N, trace.h), end)), 8)
+    omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
+    F = max(int(np.searchsorted(omega, end)), 8)
     share = np.mean(trace.good)
-    weight = np.tile(np.sqrt(2 / (trace.N * share)) / np.sqrt(variance), (F, 1))
-    return replace(trace, F=F, weight=weight, variance=np.asarray(variance, dtype=float))
+    weight = np.sqrt(2 / (trace.N * share)) / np.sqrt(floor.density(omega[:F] * trace.h))
+    return replace(trace, F=F, weight=weight, variance=floor.variance)

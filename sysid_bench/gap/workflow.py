@@ -11,6 +11,7 @@ import numpy as np
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import DataCheck, check_data
 from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose, suspects_of
+from sysid_bench.gap.colour import Floor, mean_floor
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
@@ -153,9 +154,9 @@ def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Pro
         problem, how = on_force(problem, check.lattice)
         return problem, _nominal_rho(problem), how
     omega = max(frequency_range(model, t)[1] for t in traces)
-    variance = _floor(problem, check.lattice)
-    end = max(band_end(t, variance, omega) for t in traces)
-    traces = tuple(banded(t, variance, end) for t in traces)
+    noise = _floor(problem, check.lattice, omega)
+    end = max(band_end(t, noise, omega) for t in traces)
+    traces = tuple(banded(t, noise, end) for t in traces)
     problem, how = problem.on(traces), "from the highest frequencies"
     return problem, _nominal_rho(problem), how
 
@@ -165,20 +166,20 @@ def _nominal_rho(problem: Problem) -> float:
     return float(found[0] @ found[0] / len(found[0])) if found is not None else np.inf
 
 
-def _floor(problem: Problem, lattice: Array) -> Array:
-    """(ny,) noise variance over all traces: the smaller of what the nominal leaves and what y itself shows on high."""
+def _floor(problem: Problem, lattice: Array, omega: float) -> Floor:
+    """Noise over all traces: per channel the smaller of what the nominal leaves and what y itself shows on high."""
     from sysid_bench.gap.problem import run, shown
 
     point = problem.nominal()
     model = problem.at(point.theta, point.effects)
     parts = []
     for trace, x0 in zip(problem.traces, point.starts):
-        own = noise_floor(trace, trace.y, lattice)
+        own = noise_floor(trace, trace.y, lattice, omega)
         y = shown(problem, trace, run(problem, trace, model, x0))
         parts.append(
-            np.minimum(own, noise_floor(trace, trace.y - y, lattice)) if np.isfinite(y).all() else own
+            own.smaller(noise_floor(trace, trace.y - y, lattice, omega)) if np.isfinite(y).all() else own
         )
-    return np.mean(parts, axis=0)
+    return mean_floor(parts)
 
 
 def better_model(
