@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identification import ONE_DOF, THREE_DOF, UNEVEN, simulated, smooth
+from identification import ONE_DOF, THREE_DOF, UNEVEN, covered, simulated, smooth
 
 from sysid_bench.mechanics.second_order import frequencies_and_damping, ntheta, pack, poles, unpack
 from sysid_bench.mechanics.uncertainty import modal_uncertainty, pole_slopes, uncertainty_of
@@ -42,18 +42,20 @@ def test_covariances_of_frequencies_and_damping_are_those_of_differences(plant):
     )
 
 
-def test_intervals_of_frequencies_and_damping_hold_the_truth():
+def test_intervals_of_matrices_frequencies_and_damping_hold_the_truth():
     rng = np.random.default_rng(3)
     u = smooth(1500, 0.25, 1.0, 3, rng)
     exact = simulated(UNEVEN, u, 0.25, "cubic")
     truth = np.concatenate(frequencies_and_damping(poles(*UNEVEN)))
-    inside = []
+    inside, estimates = [], []
     for _ in range(150):
         noise = rng.standard_normal(exact.y.shape) * exact.y.std(axis=0) * 10 ** (-15 / 20)
-        found = uncertainty_of(SplineML().fit(replace(exact, y=exact.y + noise), Model(n=3)))
+        estimates.append(SplineML().fit(replace(exact, y=exact.y + noise), Model(n=3)))
+        found = uncertainty_of(estimates[-1])
         spread = np.concatenate([found.omega_n_std, found.zeta_std])
         inside.append(np.abs(np.concatenate([found.omega_n, found.zeta]) - truth) < 1.96 * spread)
     assert 0.925 < np.mean(inside) < 0.98
+    assert 0.925 < covered(estimates, UNEVEN, pack).mean() < 0.98
 
 
 def test_repeated_poles_have_no_slope_and_what_is_not_told_is_infinite():
