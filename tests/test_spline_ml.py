@@ -7,7 +7,10 @@ import pytest
 
 from sysid_bench import conf
 from sysid_bench.build import build
+from sysid_bench.mechanics.estimation import fit_problem, problem_of
 from sysid_bench.mechanics.fisher import crlb
+from sysid_bench.mechanics.likelihood import maximise
+from sysid_bench.mechanics.second_order import pack
 from sysid_bench.mechanics.simulate import simulate
 from sysid_bench.methods.spline_ml import SplineML
 from sysid_bench.nouns import InputError, Model, Plant, Record
@@ -147,6 +150,16 @@ def test_definite_matrices_stay_definite() -> None:
     definite = SplineML(definite=True).fit(record, Model(n=3))
     assert np.linalg.eigvalsh(definite.D)[0] >= -1e-9 and np.linalg.eigvalsh(definite.M)[0] > 0
     assert relative_error(definite.D, plant.damping) < relative_error(free.D, plant.damping)
+
+
+def test_a_signal_under_the_noise_leads_to_the_maximum_that_the_truth_leads_to() -> None:
+    """Eight masses at -10 dB: least squares starts far off, among indefinite matrices."""
+    plant = plant_named("eight_dof")
+    record, _ = record_of(plant, 0.0125, N=6000, snr_db=-10, per_knot=8, seed=6)
+    with np.errstate(all="ignore"):
+        found = fit_problem(problem_of([record], Model(n=8), "diagonal", False, False), "cubic")
+        best = maximise(found.runs, pack(plant.mass, plant.damping, plant.stiffness))
+    assert best.converged and found.cost < best.cost + 0.01
 
 
 def test_proportional_damping_is_kept_and_its_interval_is_right() -> None:

@@ -20,6 +20,7 @@ from sysid_bench.mechanics.suitability import require_channels
 from sysid_bench.nouns import Array, Diverged, InputError, Model, NotApplicable, Record
 
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
+WIDEST = 2  # times the band in which the record shows a response
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 ENOUGH_BINS = 500  # to approach the maximum on
 NEAR_LIMIT = 30  # iterations from there; a few are the rule
@@ -202,13 +203,18 @@ def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
 
 
 def _settled(problem: Problem, runs: list[Run], theta: Array, limit: int) -> Fit:
+    """The maximum near theta, on a band widened to hold its modes, up to twice what the record shows."""
+    shown = [run.F for run in runs]
     for _ in range(3):
-        maximum = _maximise(problem, runs, theta, limit)
-        wider = [replace(run, F=max(run.F, _needed(run, maximum))) for run in runs]
-        if not maximum.converged or all(a.F == b.F for a, b in zip(runs, wider)):
+        fit = Fit(problem, runs, _maximise(problem, runs, theta, limit))
+        wider = [
+            replace(run, F=max(run.F, min(_needed(run, fit.maximum), WIDEST * F)))
+            for run, F in zip(runs, shown)
+        ]
+        if not is_sound(fit) or all(a.F == b.F for a, b in zip(runs, wider)):
             break
-        runs, theta = wider, maximum.theta
-    return Fit(problem, runs, maximum)
+        runs, theta = wider, fit.maximum.theta
+    return fit
 
 
 def _needed(run: Run, maximum: Maximum) -> int:

@@ -21,7 +21,7 @@ from sysid_bench.mechanics.second_order import pack, unpack
 from sysid_bench.nouns import Array, Diverged, NotApplicable
 
 STEPS = 3
-LIFT = 0.1  # of the largest eigenvalue: where a search among positive matrices starts
+LIFTS = (0.1, 0.2, 0.3, 0.05)  # of the largest eigenvalue: where a search among positive matrices starts
 SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
 
@@ -32,8 +32,9 @@ def starts(
     """Functions that return theta (ntheta,), or raise Diverged or NotApplicable."""
     yield lambda: refined_start(runs, free, linear_start(runs, free, known))
     yield lambda: linear_start(runs, free, known)
-    yield lambda: definite_start(runs, free, linear_start(runs, free, known))
     if whole_band:
+        for lift in LIFTS:
+            yield partial(definite_start, runs, free, known, lift)
         for per_period in SAMPLES_PER_PERIOD:
             yield partial(_from_modes, runs[0], free, known, per_period)
         if guess is not None:
@@ -77,8 +78,8 @@ def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Arr
     return theta
 
 
-def definite_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
-    """theta (ntheta,) after a search among positive matrices, from theta lifted well into them; all entries free only.
+def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift: float) -> Array:
+    """theta (ntheta,) after a search among positive matrices, from linear_start lifted well into them; all free only.
 
     Noise on the output makes the least-squares matrices too small and indefinite; outside the positive ones lie most
     of the wrong maxima. Raises NotApplicable with other entries.
@@ -86,7 +87,7 @@ def definite_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Ar
     if not free.all():
         raise NotApplicable("a search among positive matrices wants all entries free.")
     n = runs[0].maps.n
-    lifted = pack(*(definite(X, LIFT) for X in unpack(theta, n)))
+    lifted = pack(*(definite(X, lift) for X in unpack(linear_start(runs, free, known), n)))
     return maximise(runs, factor(lifted, n), definite_parameters(n)).theta
 
 

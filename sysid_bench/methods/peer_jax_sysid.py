@@ -15,7 +15,7 @@ from sysid_bench.nouns import Estimate, Model, Record
 class PeerJaxSysid:
     """LinearModel from a random start. adam_epochs, lbfgs_epochs: iterations of the two searches; seed: of the start."""
 
-    adam_epochs: int = 0
+    adam_epochs: int = 1000
     lbfgs_epochs: int = 1000
     seed: int = 0
 
