@@ -59,7 +59,7 @@ def test_methods_show_their_errors_and_absent_ones_that_they_do_not_apply(tmp_pa
 
 def test_orders_show_how_often_they_are_right(tmp_path) -> None:
     rows = [{"plant": p, "status": "ok", "right": float(x)} for p, x in (("one", 1), ("one", 0), ("two", 1))]
-    study(tmp_path, "order_selection", rows, cases=[{"plant": "one"}, {"plant": "two"}])
+    study(tmp_path, "at_the_bound/order_selection", rows, cases=[{"plant": "one"}, {"plant": "two"}])
     assert "| one | 2 | 0 | 50 % |" in bound_page(tmp_path)
 
 

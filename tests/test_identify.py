@@ -14,7 +14,7 @@ from sysid_bench import effects
 from sysid_bench.__main__ import main
 from sysid_bench.build import build
 from sysid_bench.conf import compose, groups
-from sysid_bench.doors.identify import cautions, fitted
+from sysid_bench.doors.identify import cautions, fitted, order_remarks
 from sysid_bench.estimate_table import tables
 from sysid_bench.files import read_estimate, read_model, write_model
 from sysid_bench.mechanics.second_order import pack
@@ -289,3 +289,11 @@ def test_the_model_written_beside_is_plain_yaml(folder, tmp_path):
     assert identify(folder, tmp_path) == 0
     plain = yaml.safe_load((tmp_path / "model_estimate.yaml").read_text())
     assert np.shape(plain["mass"]) == (3, 3)
+
+
+@pytest.mark.parametrize(("masses", "remarks"), [(2, 1), (3, 0), (4, 1)])
+def test_a_model_of_another_order_than_the_record_shows_is_remarked_on(folder, masses, remarks):
+    record = read_record(folder / "run.mcap")
+    model = Model(n=masses, input_map=np.eye(masses, 3), output_map=np.eye(3, masses))
+    found = order_remarks(record, model)
+    assert len(found) == remarks and all("shows 3 degrees of freedom" in text for text in found)

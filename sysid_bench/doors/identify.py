@@ -18,12 +18,14 @@ from sysid_bench.estimate_table import show
 from sysid_bench.files import read_model, write_estimate, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.mechanics.excitation_check import check_excitation
+from sysid_bench.mechanics.order_selection import number_of_dofs
 from sysid_bench.nouns import Diverged, Estimate, InputError, Method, Model, NotApplicable, Record
 from sysid_bench.pairing import pair
 from sysid_bench.records import read_record
 from sysid_bench.run import identify
 
 SLOW_PERIODS = 5
+CLEAR_GAP = 4.0  # of the singular values, for a word on the number of degrees of freedom
 
 
 def main(cfg: dict[str, Any]) -> int:
@@ -51,9 +53,25 @@ def main(cfg: dict[str, Any]) -> int:
 def excitation_remarks(record: Record, model: Model) -> list[str]:
     """What the record's inputs and outputs will not tell; a refusal of the check is a remark, the method decides."""
     try:
-        return check_excitation(record, model.hold)
+        return [*check_excitation(record, model.hold), *order_remarks(record, model)]
     except NotApplicable as problem:
         return [str(problem)]
+
+
+def order_remarks(record: Record, model: Model) -> list[str]:
+    """Whether the record clearly shows another number of degrees of freedom than the model has."""
+    if not (record.is_uniform and record.all_good):
+        return []
+    try:
+        found = number_of_dofs(record, model.n + 2)
+    except (NotApplicable, Diverged, np.linalg.LinAlgError):
+        return []
+    if found.n == model.n or found.gap < CLEAR_GAP:
+        return []
+    return [
+        f"the record shows {found.n} degrees of freedom (singular values fall by {found.gap:.2g} there), the model has "
+        f"{model.n}: a mode is missing, or not excited, or not seen"
+    ]
 
 
 def results_folder(path: str) -> Path:

@@ -21,7 +21,7 @@ STUDIES = (
     "at_the_bound/conditions",
     "at_the_bound/low_snr",
     "at_the_bound/input_noise",
-    "order_selection",
+    "at_the_bound/order_selection",
     "at_the_bound/tustin",
     "peers/peers",
 )
@@ -63,7 +63,7 @@ def _section(study: Study) -> str:
         lines.append(
             "| " + " | ".join([*point, *(cell(study.columns, rows) for cell in cells.values())]) + " |"
         )
-    question, name = study.manifest.get("question", ""), _path(study.name)
+    question, name = study.manifest.get("question", ""), study.name
     return (
         f"\n## {study.name}\n\n{question} `sysid-bench sweep experiment={name}`\n\n" + "\n".join(lines) + "\n"
     )
@@ -81,16 +81,12 @@ def _points(study: Study) -> tuple[list[str], list[tuple[str, ...]]]:
     columns = [words[key] for key in alone]
     if rest:
         columns.append([_condition(rest, row) for row in zip(*(words[key] for key in rest), strict=True)])
-    heads = [FIRST[key] for key in alone] + (["condition"] if rest else [])
+    heads = [FIRST[str(key)] for key in alone] + (["condition"] if rest else [])
     return heads, list(zip(*columns, strict=True))
 
 
 def _condition(keys: Sequence[str], row: Sequence[str]) -> str:
     return ", ".join(f"{key.split('.')[-1]} {word}" for key, word in zip(keys, row, strict=True) if word)
-
-
-def _path(name: str) -> str:
-    return name if "/" in name else f"at_the_bound/{name}"
 
 
 def _word(value: Any) -> str:

@@ -100,8 +100,9 @@ def _modes(estimate: Estimate) -> list[list[tuple[str, str]]]:
 
 
 def _mode_entry(value: float, std: float | None, unit: float = 1.0) -> tuple[str, str]:
-    known = std is not None and np.isfinite(std)
-    return f"{value:.5g}", f"± {Z95 * std / unit:.2g}" if known else ""
+    if std is None or not np.isfinite(std):
+        return f"{value:.5g}", ""
+    return f"{value:.5g}", f"± {Z95 * std / unit:.2g}"
 
 
 def _diagnostics(estimate: Estimate) -> list[tuple[str, str]]:
