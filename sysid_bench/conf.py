@@ -21,6 +21,10 @@ VERBATIM = frozenset(
 )
 
 
+# Groups whose option may be a file of the user's: what `gap` writes as experiment.yaml.
+NODE_GROUPS = frozenset({"excitation"})
+
+
 @dataclass(frozen=True)
 class Home:
     """Where configs and studies are read from: the repository, or the installed package's copies."""
@@ -105,8 +109,29 @@ def compose(verb: str, overrides: Sequence[str] = (), plugins: Plugins = Plugins
     `choices` says which option each group has.
     Raises InputError with Hydra's own words made into one message.
     """
-    wanted = [_override(verb, text, plugins) for text in overrides]
-    return _composed(verb, wanted, plugins)
+    files = {k: v for k, _, v in (text.partition("=") for text in overrides) if _is_node_file(k, v)}
+    wanted = [_override(verb, text, plugins) for text in overrides if text.partition("=")[0] not in files]
+    cfg = _composed(verb, wanted, plugins)
+    for group, path in files.items():
+        cfg[group], cfg["choices"][group] = _node(path), path
+    return cfg
+
+
+def _is_node_file(key: str, value: str) -> bool:
+    """True where a group is given a file in place of an option: excitation=gap/experiment.yaml."""
+    return key in NODE_GROUPS and value.endswith((".yaml", ".yml"))
+
+
+def _node(path: str) -> dict[str, Any]:
+    """The node that a file holds: `_target_` and knobs, as a file of conf/<group>/ does. Raises InputError."""
+    from sysid_bench.files.yaml_text import read_yaml
+
+    node, _ = read_yaml(path, "option")
+    if not isinstance(node.get("_target_"), str):
+        raise InputError(
+            f"{path}: wanted an option's file with _target_: sysid_bench.<shelf>.<file>.<Class>."
+        )
+    return dict(node)
 
 
 def option(group: str, name: str, plugins: Plugins = Plugins()) -> dict[str, Any]:

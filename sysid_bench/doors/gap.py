@@ -10,12 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench import conf
+from sysid_bench.build import build
 from sysid_bench.effects import own_effects
 from sysid_bench.files import atomic_write, read_model, write_json, write_model
 from sysid_bench.files.provenance import provenance
+from sysid_bench.files.yaml_text import yaml_text
 from sysid_bench.gap.choose import Rules
 from sysid_bench.gap.decide import Thresholds
-from sysid_bench.gap.show import gap_values
+from sysid_bench.gap.experiment import Settling, proposals, settling
+from sysid_bench.gap.show import alike, gap_values
 from sysid_bench.gap.workflow import Answer, find_gap
 from sysid_bench.nouns import InputError, Record
 from sysid_bench.pairing import pair
@@ -43,8 +47,10 @@ def main(cfg: dict[str, Any]) -> int:
         tell(f"note: {remark}")
     answer = find_gap(train, test, model, own, rules, thresholds, tell, cfg["power"])
     origin = provenance("gap", cfg, [*train_files, *test_files, cfg["model"]])
-    values = gap_values(answer, thresholds, origin)
+    settled = experiment(answer, cfg)
+    values = gap_values(answer, thresholds, origin, settled)
     write_results(out, answer, values, origin)
+    write_experiment(out, settled)
     if cfg["views"]:
         from sysid_bench.views.gap_report import write_gap_report
 
@@ -55,6 +61,36 @@ def main(cfg: dict[str, Any]) -> int:
         write_gap_rrd(out / "gap.rrd", answer, values)
     print_answer(values, out)
     return 0
+
+
+def experiment(answer: Answer, cfg: dict[str, Any]) -> Settling | None:
+    """The excitation that would tell apart what these records do not, chosen among `proposals`."""
+    classes = alike(answer)
+    if not classes:
+        return None
+    packages, candidates = cfg["plugins"].packages, []
+    for proposal in proposals(answer):
+        node = conf.option("excitation", proposal["option"]) | {
+            k: v for k, v in proposal.items() if k != "option"
+        }
+        candidates.append((node, build(node, packages)))
+    return settling(answer, classes, candidates)
+
+
+def write_experiment(out: Path, settled: Settling | None) -> None:
+    """experiment.yaml, which simulate and measure take as excitation=FILE; none where nothing is left to settle."""
+    path = out / "experiment.yaml"
+    path.unlink(missing_ok=True)
+    if settled is None or not settled.settles:
+        return
+    names = " or ".join(settled.between)
+    head = (
+        f"# Would tell {names}: {settled.seconds:.4g} s of it.\n"
+        f"# sysid-bench measure excitation={path} seconds={settled.seconds:.4g} ...\n"
+        f"# sysid-bench simulate excitation={path} model={out / 'model.yaml'} ...\n"
+    )
+    with atomic_write(path, "w") as file:
+        file.write(head + yaml_text(dict(settled.config)))
 
 
 def files(value: Any) -> list[str]:
@@ -103,6 +139,14 @@ def print_answer(values: dict[str, Any], out: Path) -> None:
             for key, p in effect["parameters"].items()
         )
         print(f"  {effect['name']} at {effect['dof']}: {sizes}")
+    if values["experiment"]:
+        told = " or ".join(values["experiment"]["between"])
+        way = (
+            f"{out / 'experiment.yaml'} would"
+            if values["experiment"]["settles"]
+            else "no excitation tried would"
+        )
+        print(f"  {told}: not told apart by these records; {way}.")
     print(
         f"held-out gap {100 * values['gap_before']:.3g} % -> {100 * values['gap_after']:.3g} %"
         f" (noise floor {100 * values['noise_floor']:.3g} %). {out / 'gap.json'}"

@@ -17,7 +17,7 @@ BLOCK = 40  # bins whose mean is compared with the fit
 LINE = 10.0  # times the usual power: more is a line, not noise
 GRID = np.linspace(0, 0.95, 96)  # of phi
 LEAST = 0.15  # phi below which noise counts as white
-CLEARLY = 20.0  # log likelihood by which a sloping spectrum must beat a flat one
+CLEARLY = 40.0  # log likelihood by which a sloping spectrum must beat a flat one; a window doubles it
 LOWEST, LEVEL, SPREAD = 5, 0.25, 0.35  # of a fit: the lowest blocks and all blocks, in logarithms
 
 

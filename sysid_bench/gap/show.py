@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_bench.gap.choose import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
+from sysid_bench.gap.experiment import Settling
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
 
@@ -17,20 +18,19 @@ ALIKE = {
     frozenset({"input_delay", "actuator_lag"}): "to first order the same phase",
     frozenset({"input_delay", "wrong_hold"}): "half a sample of delay",
 }
-EXPERIMENTS: dict[str, dict[str, Any]] = {
-    "low speed": {"excitation": "chirp", "excitation.amplitude": 0.3},
-    "amplitude": {"excitation": "multisine", "excitation.amplitude": 2.0},
-}
 
 
-def gap_values(answer: Answer, thresholds, origin: dict[str, Any]) -> dict[str, Any]:
-    """The content of gap.json."""
+def gap_values(
+    answer: Answer, thresholds, origin: dict[str, Any], settled: Settling | None = None
+) -> dict[str, Any]:
+    """The content of gap.json. settled: the experiment that would tell apart what these records do not."""
     effect = answer.verdict.word == "effect"
     return {
         "verdict": answer.verdict.word,
         "reason": answer.verdict.reason,
         "effects": [effect_values(answer, e) for e in answer.added if e.name not in DECOY_NAMES] if effect else [],
         "description": description(answer) if answer.verdict.word == "unknown" else None,
+        "experiment": experiment_values(settled),
         "parameters_moved": moved_values(answer, thresholds),
         "where": where_values(answer),
         "noise_floor": answer.floor,
@@ -118,23 +118,54 @@ def rivals(answer: Answer, effect: Effect) -> tuple[list, list]:
     for r in answer.story.rounds:
         if r.chosen is None or r.chosen.effect.name != effect.name:
             continue
-        gap = max(r.before.rss - len(r.before.rows), 1.0)
         for other in r.contenders:
-            if other is r.chosen or (other.effect.name, other.effect.dof) == (effect.name, effect.dof):
+            if (other.effect.name, other.effect.dof) == (effect.name, effect.dof):
                 continue
-            behind = other.cost - r.chosen.cost
             entry = {
                 "name": other.effect.name,
                 "dof": place_value(other.effect.dof),
-                "behind": float(behind / gap),
+                "behind": float((other.cost - r.chosen.cost) / _linear_gap(r)),
             }
-            (apart if behind > max(20.0, 0.003 * gap) else close).append(entry)
+            (close if _is_close(r, other) else apart).append(entry)
     for pair, why in ALIKE.items():
         if effect.name in pair and answer.problem.model.n == 1:
             other = next(iter(pair - {effect.name}))
             if not any(x["name"] == other for x in apart + close):
                 close.append({"name": other, "dof": place_value(effect.dof), "why": why})
     return apart, close
+
+
+def _linear_gap(r) -> float:
+    return max(r.before.rss - len(r.before.rows), 1.0)
+
+
+def _is_close(r, other: Contender) -> bool:
+    """True where the evidence for the chosen effect over this one is less than what matters."""
+    return other.cost - r.chosen.cost <= max(20.0, 0.003 * _linear_gap(r))
+
+
+def alike(answer: Answer) -> list[list[Contender]]:
+    """The chosen effect of each round with the named ones that it was not told apart from; none where all were."""
+    found = []
+    for r in answer.story.rounds if answer.verdict.word == "effect" else []:
+        if r.chosen is None:
+            continue
+        known = (r.chosen.effect.name, r.chosen.effect.dof)
+        close = [c for c in r.contenders if not c.is_decoy and _is_close(r, c)]
+        close = [c for c in close if (c.effect.name, c.effect.dof) != known]
+        if close:
+            found.append([r.chosen, *close])
+    return found
+
+
+def experiment_values(settled: Settling | None) -> dict[str, Any] | None:
+    """What experiment.yaml holds, and how far apart the rivals would then be; None where nothing is left to settle."""
+    if settled is None:
+        return None
+    return {
+        "excitation": dict(settled.config), "seconds": settled.seconds, "between": list(settled.between),
+        "squared_difference_over_noise": settled.difference, "settles": settled.settles,
+    }  # fmt: skip
 
 
 def description(answer: Answer) -> dict[str, Any]:
