@@ -66,8 +66,11 @@ def answer_values(found: Answer) -> dict[str, Any]:
     """What the workflow says, without the truth."""
     std = deviations(found)
     effects = list(found.story.fit.point.effects)
+    spoken = (
+        effects if found.verdict.word == "unknown" else found.added
+    )  # of an unknown, only the place counts
     return {
-        "verdict": found.verdict.word, "said": [_said(found, e, effects, std) for e in found.added],
+        "verdict": found.verdict.word, "said": [_said(found, e, effects, std) for e in spoken],
         "nominal_rho": found.nominal_rho, "linear_rho": found.story.linear.rho, "rho": found.story.fit.rho,
         "gap_before": found.gap_before, "gap_after": found.gap_after, "floor": found.floor,
         "rounds": [

@@ -9,6 +9,7 @@ import numpy as np
 from sysid_bench.gap.choose import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
 from sysid_bench.gap.experiment import Settling
+from sysid_bench.gap.reference import flexible_reference
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
 
@@ -169,7 +170,7 @@ def experiment_values(settled: Settling | None) -> dict[str, Any] | None:
 
 
 def description(answer: Answer) -> dict[str, Any]:
-    """In plain words what the unexplained force is like: the best description, whatever its name."""
+    """In plain words what the unexplained force is like: what fits best, whatever its name, and what any force could."""
     fit = answer.story.fit
     base = len(answer.problem.model.effects)
     found = [
@@ -177,7 +178,22 @@ def description(answer: Answer) -> dict[str, Any]:
         for e in fit.point.effects[base:]
     ]
     ranked = answer.story.rounds[-1].contenders[:5] if answer.story.rounds else []
-    return {"found": found, "correlates_with": [contender_values(c) for c in ranked]}
+    return {
+        "found": found,
+        "correlates_with": [contender_values(c) for c in ranked],
+        "flexible_reference": reference_values(answer),
+        "model": "model.yaml holds the refitted M, D, K and no effect: what has no name is not added",
+    }
+
+
+def reference_values(answer: Answer) -> list[dict[str, Any]]:
+    """Per place: share of the unexplained energy that some force of its state, and that any force there, explains."""
+    if answer.problem.on_force:
+        return []
+    return [
+        {"dof": place_value(r.dof), "force_of_the_state": r.of_state, "any_force": r.of_any_force}
+        for r in flexible_reference(answer.problem, answer.story.linear)
+    ]
 
 
 def contender_values(c: Contender) -> dict[str, Any]:

@@ -185,14 +185,15 @@ def _floor(problem: Problem, lattice: Array, omega: float) -> Floor:
 def better_model(
     problem: Problem, story: Story, verdict: Verdict, faults
 ) -> tuple[Model, tuple[Effect, ...]]:
-    """The model to go on with. `none` keeps the model as given; `unknown` keeps the best description, labelled so."""
+    """The model to go on with. `none` keeps the model as given; `unknown` adds no effect: M, D, K as refitted."""
     given = problem.model
     base = len(given.effects)
     if verdict.word == "none":
         return given, tuple(faults)
     fit: Fit = story.fit
     effects = list(fit.point.effects)
-    if any(e.name in DECOY_NAMES for e in effects):
+    unnamed = any(e.name in DECOY_NAMES for e in effects)
+    if unnamed or (verdict.word == "unknown" and not problem.on_force):
         fit = story.linear
         effects = list(fit.point.effects)
     M, D, K = problem.matrices(fit.point.theta)
