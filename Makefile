@@ -55,8 +55,13 @@ test: $(READY) ## the tests and the exact regression check
 	$(BIN)/python -m pytest -m "not slow" -n $(JOBS)
 	$(BIN)/sysid-bench check
 
-check: $(READY) ## statistical checks, minutes
-	$(BIN)/python -m pytest -m slow
+check: $(READY) ## `make test` goes first; this adds the paired regression check, planted faults, kills (minutes)
+	$(BIN)/sysid-bench check tier=paired
+	$(BIN)/python -m pytest -m "slow and not full" -n $(JOBS)
+
+check-full: check ## and claims on fresh seeds, coverage of intervals, every override (under an hour)
+	$(BIN)/sysid-bench check tier=fresh
+	$(BIN)/python -m pytest -m full -n $(JOBS)
 
 rig: $(READY) ## emulator, measurement over a loopback bus, log, identification, M, D, K against the plant (2 minutes)
 	$(BIN)/sysid-bench rig out=$(RESULTS)/rig

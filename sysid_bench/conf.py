@@ -166,7 +166,8 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
 
     where = home()
     overrides = list(overrides)
-    roots = [*(f / "conf" for f in plugins.folders), *_study_roots(overrides, plugins)]
+    own = [f / "conf" for f in plugins.folders if (f / "conf").is_dir()]
+    roots = [*own, *_study_roots(overrides, plugins)]
     searchpath = "hydra.searchpath=[" + ",".join(f'"file://{r}"' for r in roots) + "]"
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(where.conf)):
@@ -178,8 +179,8 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, TypeError, KeyError) as problem:
         raise InputError(_one_message(name or "option", problem)) from None
     assert isinstance(plain, dict) and isinstance(choices, dict)
-    own = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
-    return {**plain, "choices": own}
+    chosen = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
+    return {**plain, "choices": chosen}
 
 
 def _study_roots(overrides: Iterable[str], plugins: Plugins) -> list[Path]:

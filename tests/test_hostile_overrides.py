@@ -63,7 +63,7 @@ def files(tmp_path, capsys) -> Path:
 
 
 SOME = pytest.param(60, id="some")
-ALL = pytest.param(None, id="all", marks=pytest.mark.slow)
+ALL = pytest.param(None, id="all", marks=[pytest.mark.slow, pytest.mark.full])
 
 
 @pytest.mark.parametrize("most", [SOME, ALL])

@@ -254,6 +254,7 @@ def test_tables_say_what_is_known():
 
 
 @pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("method", ["variational_pem", "spline_ml", "n4sid_d2c", "arx"])
 def test_intervals_cover_the_truth(tmp_path, method):
     """200 runs: each 95 % interval of M, D, K holds the truth in 90-99 % of them, on average over the entries."""

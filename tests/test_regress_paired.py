@@ -31,6 +31,7 @@ def changes(rows: list[dict[str, Any]]) -> list[str]:
     return [f"{c.verdict} {c.cell['sampling.h_s']}" for c in compare_paired(rows, reference, LABELS)]
 
 
+@pytest.mark.slow
 def test_no_change_stays_green_over_200_reruns_with_rounding() -> None:
     red = [changes(table(np.random.default_rng(seed), jitter=1e-3)) for seed in range(200)]
     assert sum(map(bool, red)) == 0
@@ -38,8 +39,8 @@ def test_no_change_stays_green_over_200_reruns_with_rounding() -> None:
 
 @pytest.mark.parametrize(("shift", "verdict"), [(1.02, "worse"), (0.98, "better")])
 def test_a_shift_of_two_percent_is_seen_where_it_is(shift: float, verdict: str) -> None:
-    found = [changes(table(np.random.default_rng(seed), shift, point=3, jitter=0.02)) for seed in range(20)]
-    assert sum(f == [f"{verdict} 0.3"] for f in found) >= 18
+    found = [changes(table(np.random.default_rng(seed), shift, point=3, jitter=0.02)) for seed in range(8)]
+    assert sum(f == [f"{verdict} 0.3"] for f in found) >= 7
 
 
 def test_a_significant_shift_below_the_practical_floor_is_no_news() -> None:
@@ -55,3 +56,14 @@ def test_failures_are_counted() -> None:
 
 def test_a_missing_run_is_worse() -> None:
     assert changes(table(np.random.default_rng(0))[:-1]) == ["worse 1.1"]
+
+
+def test_answers_in_place_of_refusals_count_where_they_are_sound() -> None:
+    refused = table(np.random.default_rng(0))
+    for row in refused[:15]:
+        row |= {"status": "diverged", "M_error": float("nan")}
+    for error, verdict in ((1.0, "better"), (50.0, "worse")):
+        rows = table(np.random.default_rng(0))
+        for row in rows[:15]:
+            row["M_error"] = error
+        assert [c.verdict for c in compare_paired(rows, refused, LABELS)] == [verdict]

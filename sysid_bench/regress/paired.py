@@ -2,7 +2,7 @@
 
 Per point and error: Wilcoxon's signed-rank test on the log-ratio of each seed's error to the reference's,
 Benjamini-Hochberg over all tests, and a practical floor on the median ratio. Failures: an exact sign test on
-the seeds whose status changed.
+the seeds whose status changed; an answer in place of a refusal, far worse than the answers of the point are, is a failure.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, binomtest, false_discovery_control, wilcoxon
 
-from sysid_bench.regress.reference import Change, name_of
+from sysid_bench.regress.reference import ERRORS, Change, name_of, nonsense, tolerable_errors
 
-ERRORS = ("M_error", "D_error", "K_error", "A_error", "pole_error")
 FEWEST_PAIRS = 6
 
 
@@ -70,9 +69,7 @@ def _tests(
     floor: float,
 ) -> Iterator[_Test]:
     seeds = list(theirs)
-    yield from _status_test(
-        [theirs[s]["status"] == "ok" for s in seeds], [ours[s]["status"] == "ok" for s in seeds], cell
-    )
+    yield from _status_test(*_answers(ours, theirs, seeds), cell)
     for column in ERRORS:
         ratios = np.array([_log_ratio(ours[s].get(column), theirs[s].get(column)) for s in seeds])
         ratios = ratios[np.isfinite(ratios)]
@@ -83,6 +80,17 @@ def _tests(
                 f"x {np.exp(middle):.4g} (95 %: {np.exp(low):.4g} to {np.exp(high):.4g}, {len(ratios)} runs)"
             )
             yield _Test(cell, column, p, "reference", got, middle > 0, abs(middle) > floor)
+
+
+def _answers(
+    ours: Mapping[str, Mapping[str, Any]], theirs: Mapping[str, Mapping[str, Any]], seeds: Sequence[str]
+) -> tuple[list[bool], list[bool]]:
+    """Per seed: was there an answer, is there one. A new one that is nonsense makes the old refusal an answer."""
+    before = [theirs[s]["status"] == "ok" for s in seeds]
+    now = [ours[s]["status"] == "ok" for s in seeds]
+    tolerable = tolerable_errors(theirs.values())
+    wrong = [n and not b and bool(nonsense(ours[s], tolerable)) for s, b, n in zip(seeds, before, now)]
+    return [b or w for b, w in zip(before, wrong)], [n and not w for n, w in zip(now, wrong)]
 
 
 def _log_ratio(got: Any, wanted: Any) -> float:
@@ -98,7 +106,7 @@ def _status_test(before: list[bool], now: list[bool], cell: Mapping[str, str]) -
     won = sum(n and not b for b, n in zip(before, now))
     if lost + won:
         p = float(binomtest(lost, lost + won, 0.5).pvalue)
-        counts = f"{before.count(False)} failures of {len(before)}", f"{now.count(False)} failures"
+        counts = f"{before.count(False)} failures or refusals of {len(before)}", f"{now.count(False)}"
         yield _Test(cell, "status", p, *counts, worse=lost > won, matters=True)
 
 
