@@ -42,9 +42,9 @@ def check(own: Path, capsys: pytest.CaptureFixture[str]) -> Check:
     return run
 
 
-def reference(own: Path, change: Callable[[dict[str, str]], None]) -> None:
+def reference(own: Path, change: Callable[[dict[str, str]], None], name: str = "own.csv") -> None:
     """Change some rows of the reference, as if the methods had been otherwise when it was made."""
-    path = own / "reference" / "own.csv"
+    path = own / "reference" / name
     with path.open() as file:
         rows = list(csv.DictReader(file))
     for row in rows:
@@ -65,10 +65,10 @@ def scaled(method: str, factor: float) -> Callable[[dict[str, str]], None]:
 
 def test_paired_is_green_red_for_a_shift_and_shows_a_better_table_as_a_diff(own: Path, check: Check) -> None:
     code, said = check("tier=paired", "accept=true")
-    assert code == 0 and "own.csv: 48 cells are the reference now" in said
-    assert (own / "reference" / "own.medians.csv").read_text().count("\n") == 5
+    assert code == 0 and "own.paired.csv: 48 cells are the reference now" in said
+    assert (own / "reference" / "own.paired.medians.csv").read_text().count("\n") == 5
     assert check("tier=paired")[0] == 0
-    reference(own, scaled("spline_ml", 0.9))
+    reference(own, scaled("spline_ml", 0.9), "own.paired.csv")
     code, said = check("tier=paired")
     assert code == 1 and len(re.findall(r"^worse: K_error reference -> x 1\.111 ", said, re.M)) == 2, said
     assert "method=mdk_srivc" not in said
@@ -76,11 +76,11 @@ def test_paired_is_green_red_for_a_shift_and_shows_a_better_table_as_a_diff(own:
         "sysid-bench sweep experiment=own 'only=plant=one_dof method=spline_ml noise.snr_db=20' plugins="
         in said
     )
-    reference(own, scaled("spline_ml", 2.0))
+    reference(own, scaled("spline_ml", 2.0), "own.paired.csv")
     code, said = check("tier=paired", "only=method=spline_ml")
     assert code == 0 and "2 better than the reference" in said and "tier=paired accept=true" in said
     code, said = check("tier=paired", "accept=true")
-    assert code == 0 and "better: K_error" in said and "own.medians.csv: as it was" in said
+    assert code == 0 and "better: K_error" in said and "own.paired.medians.csv: as it was" in said
 
 
 def test_exact_names_the_cell_and_its_command(own: Path, check: Check) -> None:

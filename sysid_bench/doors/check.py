@@ -62,7 +62,7 @@ def main(cfg: dict[str, Any]) -> int:
 
 
 def _check(name: str, cfg: dict[str, Any]) -> int:
-    path = Path(cfg["reference"]) / f"{name.removeprefix('reference/').replace('/', '__')}.csv"
+    path = Path(cfg["reference"]) / f"{reference_name(name, cfg['tier'])}.csv"
     known = [] if cfg["accept"] and not path.is_file() else regress.read_reference(path)
     with tempfile.TemporaryDirectory() as temporary:
         run = _rerun(name, Path(cfg["results_dir"] or temporary), cfg)
@@ -74,6 +74,12 @@ def _check(name: str, cfg: dict[str, Any]) -> int:
         return 0
     plugins = ",".join(map(str, cfg["plugins"].folders))
     return _tell(run, outcome.changes, cfg["tier"], f" plugins={plugins}" if plugins else "")
+
+
+def reference_name(study: str, tier: str) -> str:
+    """Name of a study's reference table: each tier keeps one of its own."""
+    name = study.removeprefix("reference/").replace("/", "__")
+    return name if tier in ("exact", name) else f"{name}.{tier}"
 
 
 def _rerun(name: str, results: Path, cfg: dict[str, Any]) -> _Run:
