@@ -30,6 +30,7 @@ from sysid_bench.nouns import (
 from sysid_bench.score import bound_columns, score
 
 REASON_LENGTH = 300
+CANNOT_KEEP = "the record cannot be kept: "  # a row that says so stops a sweep: the next ones would say it too
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,13 @@ def _identify_rows(task: Task, work: Work) -> Iterator[dict[str, Any]]:
     try:
         plant = build_cached(task.parts["plant"], task.packages)
         acquired = acquire(task, plant)
-        if work.keeps(task):
-            _keep(acquired.record, task, work)
         bound = bound_of(plant, acquired)
     except Exception as problem:
         _, reason = _status_of(problem)
         yield from (_failed(task, cell, "error", f"acquire: {reason}") for cell in task.cells)
+        return
+    if reason := _keep(acquired.record, task, work):
+        yield from (_failed(task, cell, "error", reason) for cell in task.cells)
         return
     for cell in task.cells:
         yield _identify_row(task, cell, plant, acquired, bound)
@@ -147,10 +149,16 @@ def _analysis_rows(task: Task) -> Iterator[dict[str, Any]]:
         yield task.row(cell, status="ok", reason="", seconds=seconds) | dict(numbers)
 
 
-def _keep(record: Record, task: Task, work: Work) -> None:
+def _keep(record: Record, task: Task, work: Work) -> str:
+    """Write the record where it is wanted; says why where that does not go."""
     from sysid_bench.records import write_record
 
-    assert work.folder is not None
-    path = Path(work.folder) / f"{task.record_key}.mcap"
-    if not path.exists():
-        write_record(record, path)
+    if not work.keeps(task):
+        return ""
+    path = Path(str(work.folder)) / f"{task.record_key}.mcap"
+    try:
+        if not path.exists():
+            write_record(record, path)
+    except InputError as problem:
+        return f"{CANNOT_KEEP}{problem}"
+    return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator
@@ -27,6 +28,8 @@ class Store:
             self._db.execute(
                 "CREATE TABLE IF NOT EXISTS rows (key TEXT PRIMARY KEY, status TEXT NOT NULL, row TEXT NOT NULL)"
             )
+        except sqlite3.OperationalError as problem:
+            raise OSError(None, _said(problem), str(path)) from None
         except sqlite3.DatabaseError as problem:
             raise InputError(
                 f"{path} is not a store of results ({problem}); move it away to start anew."
@@ -46,9 +49,9 @@ class Store:
             self._db.executemany("INSERT OR REPLACE INTO rows VALUES (?, ?, ?)", values)
             self._db.execute("COMMIT")
         except sqlite3.OperationalError as problem:
-            if self._db.in_transaction:
+            with contextlib.suppress(sqlite3.Error):
                 self._db.execute("ROLLBACK")
-            raise OSError(None, f"rows cannot be written ({problem})", str(self.path)) from None
+            raise OSError(None, _said(problem), str(self.path)) from None
 
     def done(self, retry: Iterable[str] = ()) -> set[str]:
         """Keys of the finished cells, but for those whose status is to be tried again."""
@@ -70,6 +73,10 @@ class Store:
         marks = ",".join("?" * len(keys))
         found = dict(self._db.execute(f"SELECT key, row FROM rows WHERE key IN ({marks})", keys))
         yield from (json.loads(found[key]) for key in keys if key in found)
+
+
+def _said(problem: sqlite3.Error) -> str:
+    return f"rows cannot be written ({problem}); those stored are kept. Make room and run the same command again"
 
 
 def _plain(value: Any) -> Any:

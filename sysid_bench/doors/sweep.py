@@ -15,9 +15,10 @@ from typing import Any
 
 from sysid_bench import plan
 from sysid_bench.build import build
+from sysid_bench.files.disk import locked
 from sysid_bench.nouns import STATUSES, Executor, InputError, Task
 from sysid_bench.progress import watched
-from sysid_bench.run import Work, check_task
+from sysid_bench.run import CANNOT_KEEP, Work, check_task
 from sysid_bench.store import Store
 from sysid_bench.studies import command_line_knobs, study_of
 from sysid_bench.table import read_table, summary, write_csv, write_table
@@ -39,18 +40,25 @@ def main(cfg: dict[str, Any]) -> int:
     check_figures(cfg)
     order = checked_order(study, cfg.get("only"))
     (folder / "records").mkdir(parents=True, exist_ok=True)
-    freeze(study, order, cfg, words, folder)
+    with locked(folder):
+        freeze(study, order, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
         run_cells(study, store, executor, work, done, len(set(order) - done))
-        write_results(folder, store, order, study)
+        with locked(folder):
+            write_results(folder, store, order, study)
+            write_pages(folder, cfg)
+    _say(folder, study.name)
+    return 0
+
+
+def write_pages(folder: Path, cfg: Mapping[str, Any]) -> None:
+    """Figures, report and recording of the study, and the index of all studies, where views are wanted."""
     if cfg["views"]:
         from sysid_bench.views.study import write_index, write_views
 
         write_views(folder)
         write_index(cfg["results_dir"])
-    _say(folder, study.name)
-    return 0
 
 
 def check_figures(cfg: Mapping[str, Any]) -> None:
@@ -135,8 +143,17 @@ def run_cells(
         return
     left = (task.without(done) for task in plan.tasks(study))
     with watched(study.name, count) as progress:
-        for rows in _flushed(executor.run(work, (task for task in left if task.cells)), progress):
+        found = _kept(executor.run(work, (task for task in left if task.cells)))
+        for rows in _flushed(found, progress):
             store.add(rows)
+
+
+def _kept(rows: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """The rows; raises InputError at one whose record could not be written: no disk, no sweep."""
+    for row in rows:
+        if str(row.get("reason", "")).startswith(CANNOT_KEEP):
+            raise InputError(row["reason"])
+        yield row
 
 
 def _flushed(rows: Iterable[dict[str, Any]], progress: Any) -> Iterator[list[dict[str, Any]]]:

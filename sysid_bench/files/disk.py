@@ -30,7 +30,7 @@ def atomic_write(path: str | os.PathLike, mode: str = "wb") -> Iterator[IO]:
     temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        number, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:100]}.", suffix=".part")
+        number, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{_cut(path.name)}.", suffix=".part")
         with os.fdopen(number, mode, encoding=None if "b" in mode else "utf-8") as file:
             yield file
             file.flush()
@@ -48,6 +48,24 @@ def atomic_write(path: str | os.PathLike, mode: str = "wb") -> Iterator[IO]:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+
+
+def _cut(name: str, most: int = 100) -> str:
+    """The name's first `most` bytes, whole characters: file systems count bytes (255 for a name)."""
+    return os.fsencode(name)[:most].decode("utf-8", "ignore")
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """One process at a time inside, per folder; the system gives the lock back when its holder is killed."""
+    try:
+        import fcntl
+    except ImportError:  # a system without such locks: two processes on one folder are then on their own
+        yield
+        return
+    with open(folder / ".lock", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def _umask() -> int:
