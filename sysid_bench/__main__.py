@@ -46,12 +46,20 @@ def _dispatch(arguments: list[str]) -> int:
     from sysid_bench.nouns import InputError
 
     if not arguments or arguments[0] in ("-h", "--help", "help"):
-        print(_menu())
+        from sysid_bench.help import menu
+
+        print(menu())
         return DONE
     if arguments[0] == "--version":
         from sysid_bench import __version__
 
         print(__version__)
+        return DONE
+    if arguments[0] in ("--completion", "--complete"):
+        from sysid_bench import completion
+
+        found = [completion.BASH] if len(arguments) == 1 else completion.candidates(arguments[1])
+        sys.stdout.writelines(f"{text}\n" for text in found)
         return DONE
     verb, rest = arguments[0], arguments[1:]
     from sysid_bench import conf
@@ -60,7 +68,9 @@ def _dispatch(arguments: list[str]) -> int:
     if verb not in known:
         raise InputError(f"no verb {verb!r}. There are: {', '.join(known)}.")
     if any(a in ("-h", "--help") for a in rest):
-        print(_help(verb))
+        from sysid_bench.help import of_verb
+
+        print(of_verb(verb, rest))
         return DONE
     rest = [_named(verb, word) for word in rest]
     overrides, plugins = conf.split_plugins([a for a in rest if a != "--cfg"])
@@ -80,35 +90,6 @@ def _named(verb: str, word: str) -> str:
     if verb not in POSITIONAL or is_override or word.startswith("--"):
         return word
     return f"{POSITIONAL[verb]}={word}"
-
-
-def _menu() -> str:
-    from sysid_bench import conf
-
-    lines = [
-        "sysid-bench VERB [key=value ...]      second-order mechanical systems, identified from sampled data",
-        "",
-    ]
-    for verb, (what, example) in conf.verbs().items():
-        lines += [f"  {verb:<10} {what}", f"  {'':<10} $ {example}"]
-    lines += [
-        "",
-        "sysid-bench VERB --help: every knob of a verb; --cfg: the resolved config, without running it.",
-    ]
-    return "\n".join(lines)
-
-
-def _help(verb: str) -> str:
-    """The verb's primary config with its comments, and the options of its groups."""
-    from sysid_bench import conf
-
-    text = (conf.home().conf / f"{verb}.yaml").read_text().rstrip()
-    options = conf.groups()
-    used = [group for group in options if f"- {group}:" in text or f"- /{group}:" in text]
-    shelves = [f"  {group}=  {', '.join(options[group])}" for group in used]
-    if verb == "sweep":
-        shelves.append(f"  experiment=  {', '.join(conf.studies())}")
-    return "\n".join([text, "", "options:", *shelves] if shelves else [text])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sysid_bench.conf_words import one_message
 from sysid_bench.nouns import InputError
 
 PACKAGE = Path(__file__).resolve().parent
@@ -156,7 +157,9 @@ def _override(verb: str, text: str, plugins: Plugins) -> str:
     return f"++{text}" if key.startswith("axes.") else text
 
 
-def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> dict[str, Any]:
+def _composed(
+    name: str | None, overrides: Iterable[str], plugins: Plugins, complete: bool = True
+) -> dict[str, Any]:
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
@@ -175,9 +178,10 @@ def _composed(name: str | None, overrides: Iterable[str], plugins: Plugins) -> d
             choices = OmegaConf.to_container(cfg.hydra.runtime.choices)
             with open_dict(cfg):
                 del cfg["hydra"]
-            plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+            plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=complete)
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, TypeError, KeyError) as problem:
-        raise InputError(_one_message(name or "option", problem)) from None
+        known = _known(name, overrides, plugins) if complete else None
+        raise InputError(one_message(name or "option", problem, known, groups(plugins))) from None
     assert isinstance(plain, dict) and isinstance(choices, dict)
     chosen = {group: name for group, name in choices.items() if not group.startswith("hydra/")}
     return {**plain, "choices": chosen}
@@ -190,12 +194,11 @@ def _study_roots(overrides: Iterable[str], plugins: Plugins) -> list[Path]:
     return [r for r in roots for name in names if (r / "experiments" / f"{name}.yaml").is_file()]
 
 
-def _one_message(name: str, problem: Exception) -> str:
-    lines = [line.strip() for line in str(problem).splitlines() if line.strip()]
-    skipped = ("Config search path", "provider=", "set env", "full_key:", "object_type=", "To append")
-    words = " ".join(line for line in lines if not line.startswith(skipped))
-    words = re.sub(r"Available options in '([^']+)':", r"\1 has:", words)
-    missing = re.search(r"Missing mandatory value: (\S+)", words)
-    if missing:
-        return f"{name} needs {missing[1]}=...; see `sysid-bench {name} --help`."
-    return f"{name}: {words.rstrip('.')}. See `sysid-bench {name} --help`."
+def _known(name: str | None, overrides: Iterable[str], plugins: Plugins) -> dict[str, Any] | None:
+    """The config with none of the overrides but the choices of options: what there was to be set."""
+    available = groups(plugins)
+    kept = [o for o in overrides if o.partition("=")[2] in available.get(o.partition("=")[0], [])]
+    try:
+        return _composed(name, kept, plugins, complete=False) if kept != list(overrides) else None
+    except InputError:
+        return None

@@ -30,7 +30,9 @@ from sysid_bench.nouns import (
 from sysid_bench.score import bound_columns, score
 
 REASON_LENGTH = 300
-CANNOT_KEEP = "the record cannot be kept: "  # a row that says so stops a sweep: the next ones would say it too
+CANNOT_KEEP = (
+    "the record cannot be kept: "  # a row that says so stops a sweep: the next ones would say it too
+)
 
 
 @dataclass(frozen=True)

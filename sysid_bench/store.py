@@ -76,7 +76,9 @@ class Store:
 
 
 def _said(problem: sqlite3.Error) -> str:
-    return f"rows cannot be written ({problem}); those stored are kept. Make room and run the same command again"
+    return (
+        f"rows cannot be written ({problem}); those stored are kept. Make room and run the same command again"
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -328,6 +328,7 @@ def test_pickles_are_not_read(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_ten_million_samples(tmp_path, suffix):
     N = 10_000_000

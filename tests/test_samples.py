@@ -144,6 +144,7 @@ def test_random_faults_never_give_a_wrong_sample_without_a_flag(
 
 
 @pytest.mark.slow
+@pytest.mark.full
 @settings(max_examples=300, deadline=None)
 @sequences
 def test_many_random_faults(faults: list[Fault], seed: int, name: str) -> None:

@@ -5,6 +5,7 @@ As a program: each line of stdin (a JSON list of words) is run like a command li
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -99,19 +100,19 @@ class Runner:
 
 
 def kill_after(seconds: float, worker: bool = False) -> Callable[[int], None]:
-    """kill -9 of a sweep, or of one of its workers, after a while."""
+    """kill -9 of a sweep, or of one of its workers, after a while of its running (or of its having workers)."""
 
     def kill(pid: int) -> None:
-        deadline = time.monotonic() + seconds
         victims = [pid]
-        while time.monotonic() < deadline or (worker and victims == [pid] and psutil.pid_exists(pid)):
-            time.sleep(0.002)
-            victims = workers_of(pid) or [pid] if worker else victims
-        for victim in victims[-1:]:
-            try:
-                os.kill(victim, signal.SIGKILL)
-            except ProcessLookupError:
-                pass
+        start = time.monotonic()
+        while psutil.pid_exists(pid):
+            if worker and victims == [pid] and (victims := workers_of(pid) or [pid]) == [pid]:
+                start = time.monotonic()
+            if time.monotonic() - start > seconds:
+                break
+            time.sleep(0.005)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(victims[-1], signal.SIGKILL)
 
     return kill
 

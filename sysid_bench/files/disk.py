@@ -88,6 +88,11 @@ def existing_file(path: str | os.PathLike, what: str) -> Path:
     """`path` as a Path. Raises InputError where there is no such file or it is empty."""
     path = Path(path)
     if not path.exists():
+        parts = [part for part in str(path).split(",") if part]
+        if len(parts) > 1:
+            raise InputError(
+                f"{what}: one file is wanted here; got {len(parts)}, separated by commas: {path}."
+            )
         raise InputError(f"{what}: no file {str(path)!r} (from {os.getcwd()}).")
     if not path.is_file():
         raise InputError(f"{what}: {path} is not a file.")

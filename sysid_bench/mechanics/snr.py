@@ -19,4 +19,10 @@ def noise_variance(y: Array, snr_db: float | list[float]) -> Array:
         raise InputError(
             f"snr_db needs an output that moves; output {int(np.argmin(power))} is constant. Excite it, or use noise=none."
         )
-    return power / 10 ** (ratio / 10)
+    with np.errstate(all="ignore"):
+        variance = power / 10 ** (ratio / 10)
+    if not np.all(np.isfinite(variance)):
+        raise InputError(
+            f"snr_db of {snr_db!r} makes a noise too large for a number; ratios are some -40 to 200 dB."
+        )
+    return variance
