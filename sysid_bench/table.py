@@ -71,11 +71,17 @@ def _batches(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, An
         yield batch
 
 
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a table by name: numbers as float64 (missing: NaN), words as object arrays, flags as bool."""
+def read_table(path: Path, columns: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Columns of a table by name: numbers as float64 (missing: NaN), words as object arrays, flags as bool.
+
+    columns: those wanted (of these, those that there are); None: all.
+    """
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path)
+    return _as_arrays(pq.read_table(path, columns=None if columns is None else list(columns)))
+
+
+def _as_arrays(table: Any) -> dict[str, np.ndarray]:
     columns = {}
     for name in table.column_names:
         column = table[name]
@@ -83,9 +89,18 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
         if kind in ("double", "int64"):
             keep = kind == "int64" and column.null_count == 0
             columns[name] = column.to_numpy() if keep else column.cast("float64", safe=False).to_numpy()
+        elif kind == "string":
+            columns[name] = _words(column)
         else:
             columns[name] = np.array(column.to_pylist(), dtype=object)
     return columns
+
+
+def _words(column: Any) -> np.ndarray:
+    """Equal words of a column are one object: a table has few words, often."""
+    codes = column.combine_chunks().dictionary_encode()
+    words = np.array([*codes.dictionary.to_pylist(), None], dtype=object)
+    return words[codes.indices.fill_null(len(words) - 1).to_numpy()]
 
 
 def groups_of(table: Mapping[str, np.ndarray], by: Sequence[str]) -> list[tuple[dict[str, Any], np.ndarray]]:
@@ -102,6 +117,11 @@ def groups_of(table: Mapping[str, np.ndarray], by: Sequence[str]) -> list[tuple[
 def _label(value: Any) -> Any:
     value = value.item() if isinstance(value, np.generic) else value
     return None if value != value else value  # NaN is unequal to itself, and would make a group of every row
+
+
+def summary_columns(axes: Iterable[str]) -> list[str]:
+    """What `summary` asks of a table."""
+    return [*LABELS, *axes, "sampling.h_s", "sampling.N", "status", "fit_s", *ERRORS, *RATIOS]
 
 
 def axes_of(table: Mapping[str, np.ndarray], axes: Iterable[str]) -> list[str]:

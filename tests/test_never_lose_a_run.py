@@ -75,9 +75,7 @@ def test_killed_at_random_moments_it_ends_in_the_same_table(home, runner, undist
 
 
 def test_a_killed_sweep_leaves_no_worker_behind(home: Path, runner: Runner) -> None:
-    pid = runner.start(
-        words(home / "plugin", home / "orphans", 5000, "executor=local", "executor.workers=2")
-    )
+    pid = runner.start(words(home / "plugin", home / "orphans", 5000, "executor=local", "executor.workers=2"))
     while len(found := workers_of(pid)) < 2:
         time.sleep(0.01)
     kill_after(0.3)(pid)

@@ -21,7 +21,7 @@ from sysid_bench.progress import watched
 from sysid_bench.run import CANNOT_KEEP, Work, check_task
 from sysid_bench.store import Store
 from sysid_bench.studies import command_line_knobs, study_of
-from sysid_bench.table import read_table, summary, write_csv, write_table
+from sysid_bench.table import read_table, summary, summary_columns, write_csv, write_table
 from sysid_bench.versions import origin
 
 FLUSH_S = 0.5
@@ -44,7 +44,7 @@ def main(cfg: dict[str, Any]) -> int:
         freeze(study, order, cfg, words, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
-        run_cells(study, store, executor, work, done, len(set(order) - done))
+        run_cells(study, store, executor, work, done, sum(key not in done for key in order))
         with locked(folder):
             write_results(folder, store, order, study)
             write_pages(folder, cfg)
@@ -187,13 +187,14 @@ class _Stored:
 def write_results(folder: Path, store: Store, order: tuple[str, ...], study: plan.Study) -> None:
     """table.parquet and summary.csv of the cells of this plan, in its order whatever order they ran in."""
     write_table(_Stored(store, order), folder / "table.parquet")
-    table = read_table(folder / "table.parquet")
-    axes = [*study.axes, *(key for case in study.cases for key in case)]
-    write_csv(summary(table, [key for key in axes if "." in key]), folder / "summary.csv")
+    swept = [*study.axes, *(key for case in study.cases for key in case)]
+    axes = [key for key in dict.fromkeys(swept) if "." in key]
+    table = read_table(folder / "table.parquet", summary_columns(axes))
+    write_csv(summary(table, axes), folder / "summary.csv")
 
 
 def _say(folder: Path, name: str) -> None:
-    statuses = Counter(read_table(folder / "table.parquet")["status"])
+    statuses = Counter(read_table(folder / "table.parquet", ["status"])["status"])
     counts = ", ".join(f"{count} {status}" for status, count in statuses.most_common())
     report = folder / "report.html"
     print(f"{name}: {counts}. {report if report.exists() else folder / 'summary.csv'}")
