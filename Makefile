@@ -66,6 +66,9 @@ check-full: check ## and claims on fresh seeds, coverage of intervals, every ove
 rig: $(READY) ## emulator, measurement over a loopback bus, log, identification, M, D, K against the plant (2 minutes)
 	$(BIN)/sysid-bench rig out=$(RESULTS)/rig
 
+machines: $(READY) ## measured machines through the gap workflow, where SYSID_BENCH_DATA names their data (a minute)
+	RESULTS=$(RESULTS) $(BIN)/python experiments/measured_machines/machines.py run
+
 gap: $(READY) ## a hidden effect in the emulated rig, measured over CAN, named blind, then the seal opened (3 minutes)
 	$(BIN)/python experiments/hidden_effects/blind.py --out $(RESULTS)/gap
 

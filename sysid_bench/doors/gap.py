@@ -147,6 +147,13 @@ def print_answer(values: dict[str, Any], out: Path) -> None:
             else "no excitation tried would"
         )
         print(f"  {told}: not told apart by these records; {way}.")
+    if values["force_gap"]:
+        given, refitted, better, floor = (100 * x for x in values["force_gap"].values())
+        print(
+            f"held-out force error {given:.3g} % as given, {refitted:.3g} % refitted -> {better:.3g} %"
+            f" (noise floor {floor:.2g} %). {out / 'gap.json'}"
+        )
+        return
     print(
         f"held-out gap {100 * values['gap_before']:.3g} % -> {100 * values['gap_after']:.3g} %"
         f" (noise floor {100 * values['noise_floor']:.3g} %). {out / 'gap.json'}"

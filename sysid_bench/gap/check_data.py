@@ -26,12 +26,16 @@ class Fault:
 
 @dataclass(frozen=True, eq=False)
 class DataCheck:
-    """faults, remarks for the report, lattice (ny,) step of each channel's values (0: none), bad (N,) per record."""
+    """faults, remarks for the report, lattice (ny,) step of each channel's values (0: none), bad (N,) per record.
+
+    drives: inputs that were clipped as recorded; no prediction from them is wrong, so they are no effect that is missing
+    """
 
     faults: list[Fault]
     remarks: list[str]
     lattice: Array
     bad: list[np.ndarray] = field(default_factory=list)
+    drives: list[Fault] = field(default_factory=list)
 
 
 def check_data(records: list[Record]) -> DataCheck:
@@ -44,7 +48,9 @@ def check_data(records: list[Record]) -> DataCheck:
     faults += _stuck(records, lattice, bad) + _dropped(records, lattice, bad)
     for i, r in enumerate(records):
         remarks += _remarks(r, i)
-    return DataCheck(faults, remarks, lattice, bad)
+    drives = [fault for i, r in enumerate(records) for fault in _clipped_drives(r, i)]
+    remarks += [_drive_words(fault) for fault in drives]
+    return DataCheck(faults, remarks, lattice, bad, drives)
 
 
 def _good(record: Record) -> np.ndarray:
@@ -139,12 +145,20 @@ def _dropped(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> li
     for i, r in enumerate(records):
         same = np.all(np.diff(r.y, axis=0) == 0, axis=1) & ~bad[i][1:]
         same &= np.any(np.abs(r.y[1:]) < np.abs(r.y).max(axis=0) * (1 - 1e-9), axis=1)
+        same &= _moving(r.y)
         lost, total = lost + int(same.sum()), total + r.N
         if same.sum() >= 3:
             bad[i][1:] |= same
     if lost < max(3, 5e-4 * total):
         return []
     return [Fault("dropped_samples", None, {"share": lost / total}, {"repeated_rows": lost})]
+
+
+def _moving(y: Array) -> np.ndarray:
+    """(N - 1,) True where the samples around change at all: a machine at rest repeats its rows and drops none."""
+    step = np.abs(np.diff(y, axis=0))
+    around = np.column_stack([np.convolve(c, np.ones(11) / 11, "same") for c in step.T])
+    return np.any(around > 0.05 * np.sqrt(np.mean(step**2, axis=0)), axis=1)
 
 
 def _remarks(record: Record, i: int) -> list[str]:
@@ -154,13 +168,24 @@ def _remarks(record: Record, i: int) -> list[str]:
         remarks.append(f"record {i}: {flagged} of {record.N} samples are flagged and left out")
     if not record.is_uniform:
         remarks.append(f"record {i}: the time stamps have holes; they are left out")
+    return remarks
+
+
+def _clipped_drives(record: Record, i: int) -> list[Fault]:
+    """Inputs of many values that sit at their largest and at their smallest one."""
+    found = []
     for c in range(record.nu):
         u = record.u[:, c]
-        top, low = np.mean(u == u.max()), np.mean(u == u.min())
-        if len(np.unique(u)) > 20 and min(top, low) > 0.002:
-            share = 100 * (top + low)
-            remarks.append(
-                f"record {i}: input {c} sits at its extremes {u.min():g} and {u.max():g} for {share:.2g} % of the "
-                "samples: the drive is clipped as recorded"
-            )
-    return remarks
+        high, low = np.mean(u == u.max()), np.mean(u == u.min())
+        if len(np.unique(u)) > 20 and min(high, low) > 0.002:
+            evidence = {"record": i, "from": float(u.min()), "to": float(u.max()), "share": float(high + low)}
+            found.append(Fault("saturation", c, {"limit": float(np.abs(u).max())}, evidence))
+    return found
+
+
+def _drive_words(fault: Fault) -> str:
+    seen = fault.evidence
+    return (
+        f"record {seen['record']}: input {fault.channel} sits at its extremes {seen['from']:g} and {seen['to']:g} for "
+        f"{100 * seen['share']:.2g} % of the samples: the drive is clipped as recorded"
+    )

@@ -57,6 +57,13 @@ def decide(
         return Verdict(
             "unknown", f"{names} leaves {100 * left:.0f} % of the gap, {now.rho:.1f} times the noise floor"
         )
+    if found and isinstance(problem, ForceProblem):
+        before, after = (100 * problem.share_missed(fit) for fit in (story.linear, now))
+        return Verdict(
+            "effect",
+            f"the gap on the force falls from {before:.3g} % to {after:.3g} %; what is left has no name and is "
+            f"{np.sqrt(now.rho):.3g} times the noise floor",
+        )
     if found or faults:
         return Verdict(
             "effect", f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"

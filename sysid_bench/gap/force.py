@@ -58,8 +58,9 @@ def on_force(problem: Problem, lattice: Array) -> tuple[ForceProblem, str]:
     traces = tuple(force_banded(trace, end) for trace in shortened)
     motions = tuple(measured_motion(trace) for trace in traces)
     bare = ForceProblem(problem.model, traces, problem.entries, problem.scale, motions)
-    sigma, how = force_floor(bare, [white_floor(t, _between_ends(t.y), lattice) for t in problem.traces])
-    traces = tuple(replace(t, weight=t.weight / sigma) for t in traces)
+    variances = [white_floor(t, _between_ends(t.y), lattice) for t in shortened]
+    sigma, how = force_floor(bare, variances)
+    traces = tuple(replace(t, weight=t.weight / sigma, variance=v) for t, v in zip(traces, variances))
     return replace(bare, traces=traces), how
 
 

@@ -46,10 +46,20 @@ def lap_of(trace: Trace) -> int:
     match[: int(0.02 * N)], match[int((1 - ENOUGH) * N) :] = -1, -1
     for _ in range(8):
         lag = int(np.argmax(match))
-        if np.mean(_same(y[lag:], y[:-lag]) & moving[lag:]) > ENOUGH:
-            return lag
+        near = range(max(lag - N // 400 - 2, 1), min(lag + N // 400 + 3, N - 1))
+        repeats, _, best = max(_repeats(y, moving, k) for k in near)
+        if repeats > ENOUGH:
+            return best
         match[max(lag - N // 100, 0) : lag + N // 100] = -1
     return 0
+
+
+def _repeats(y: Array, moving: np.ndarray, lag: int) -> tuple[float, float, int]:
+    """(share of the record that moves and is repeated after the lag, minus the mean difference there, lag)."""
+    one, two = y[lag:], y[:-lag]
+    same = _same(one, two) & moving[lag:]
+    apart = np.abs(one - two)[same].mean() if same.any() else np.inf
+    return round(float(np.mean(same)), 2), -float(apart), lag
 
 
 def _same(one: Array, two: Array) -> np.ndarray:

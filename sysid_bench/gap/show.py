@@ -9,6 +9,7 @@ import numpy as np
 from sysid_bench.gap.choose import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
 from sysid_bench.gap.experiment import Settling
+from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.reference import flexible_reference
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
@@ -42,15 +43,27 @@ def gap_values(
             "nominal": answer.nominal_rho, "refit": answer.story.linear.rho, "final": answer.story.fit.rho,
         },
         "force_gap": answer.force_gaps,
+        "force_share": force_share(answer),
         "rounds": [round_values(r) for r in answer.story.rounds],
         "power": power_values(answer),
-        "data": {"faults": [fault_values(f) for f in answer.check.faults], "remarks": answer.check.remarks},
+        "data": {
+            "faults": [fault_values(f) for f in (*answer.check.faults, *answer.check.drives)],
+            "remarks": answer.check.remarks,
+        },
         "tests": [
             {"record": i, "gap_before": a.gap, "gap_after": b.gap}
             for i, (a, b) in enumerate(zip(answer.before, answer.after))
         ],
         "origin": origin,
     }  # fmt: skip
+
+
+def force_share(answer: Answer) -> dict[str, float] | None:
+    """|F - Fhat| / |F| on the training records of the refitted linear and the final model, where the force is judged."""
+    if not isinstance(answer.problem, ForceProblem):
+        return None
+    missed = answer.problem.share_missed
+    return {"refit": missed(answer.story.linear), "final": missed(answer.story.fit)}
 
 
 def place_value(dof) -> Any:

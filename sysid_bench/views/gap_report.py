@@ -86,6 +86,8 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
             "What is left over the noise floor (rms), step by step, on the training records.",
         )
     ]
+    if answer.judged:
+        return found + _on_force(answer) + _clouds(answer)
     y = answer.after[0].trace.y
     for c in range(min(y.shape[1], 3)):
         found.append(
@@ -140,6 +142,27 @@ def _output(answer: Answer, c: int) -> str:
         axes.line(t[part], values, colour, width)
     axes.legend([("given model", 1), ("better model", 0), ("measured", 7)])
     return axes.text()
+
+
+def _on_force(answer: Answer) -> list[Mapping[str, str]]:
+    """Given and needed force on the first test record, where the refitted linear model is worst."""
+    refitted, better = answer.judged["refitted"][0], answer.judged["better"][0]
+    found = []
+    for i in range(min(better.given.shape[1], 3)):
+        error = np.convolve((refitted.given - refitted.needed)[:, i] ** 2, np.ones(IN_SIGHT), "valid")
+        first = int(np.argmax(error))
+        part = slice(first, first + IN_SIGHT)
+        lines = [refitted.needed[part, i], better.needed[part, i], better.given[part, i]]
+        low, high = _inner(*lines)
+        axes = Axes(
+            (float(better.t[part][0]), float(better.t[part][-1])), (1.3 * low, high), "t (s)", "force (N)"
+        )
+        for values, colour, width in zip(lines, (1, 0, 7), (1.4, 1.6, 0.8)):
+            axes.line(better.t[part], values, colour, width)
+        axes.legend([("needed, linear", 1), ("needed, better model", 0), ("given", 7)])
+        caption = f"Force at DOF {i} on the first test record, in the band: what was given and what the motion needs."
+        found.append(_image(axes.text(), f"force {i + 1}", caption))
+    return found
 
 
 def _spectrum(answer: Answer) -> str:
