@@ -78,7 +78,9 @@ def read_table(path: Path, columns: Sequence[str] | None = None) -> dict[str, np
     """
     import pyarrow.parquet as pq
 
-    return _as_arrays(pq.read_table(path, columns=None if columns is None else list(columns)))
+    with pq.ParquetFile(path) as file:
+        there = file.schema_arrow.names
+        return _as_arrays(file.read([name for name in there if columns is None or name in columns]))
 
 
 def _as_arrays(table: Any) -> dict[str, np.ndarray]:
