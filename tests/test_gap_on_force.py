@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from sysid_bench.gap.choose import Rules
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
@@ -20,9 +19,18 @@ def moves(N):
 
 
 def closed_loop(
-    rng, coulomb=0.0, asymmetry=0.0, ripple=0.0, phase=0.0, delay=0, pulses=0.0, N=10_000, stretch=1.0
+    rng,
+    coulomb=0.0,
+    asymmetry=0.0,
+    ripple=0.0,
+    phase=0.0,
+    delay=0,
+    pulses=0.0,
+    stretch=1.0,
+    other=None,
+    N=10_000,
 ):
-    """Record of a positioning system under two nested proportional controllers; delay in samples.
+    """Record of a positioning system under two nested proportional controllers; delay in samples; other: force of x, v.
 
     Leapfrog at a tenth of the sampling time; friction as a steep slope, not the catalogue's law.
     """
@@ -30,7 +38,7 @@ def closed_loop(
     x, v, before, line = 0.0, 0.0, 0.0, np.zeros(delay + 1)
 
     def acceleration(x, v, force):
-        friction = coulomb * min(max(v / 2e-4, -1), 1) + asymmetry * abs(v)
+        friction = coulomb * min(max(v / 2e-4, -1), 1) + asymmetry * abs(v) + (other(x, v) if other else 0.0)
         return (force - DAMPING * v - friction + ripple * np.sin(2 * np.pi * x / PITCH + phase)) / MASS
 
     kicks = pulses * ((np.arange(N) // 700) % 3 == 1)
@@ -64,7 +72,7 @@ NOMINAL = Model([[90.0]], [[250.0]], [[0.0]], hold="zoh")
 
 @pytest.fixture(scope="module")
 def answer(machine):
-    return find_gap(machine[:2], machine[2:], NOMINAL, rules=Rules(most=5), power=False)
+    return find_gap(machine[:2], machine[2:], NOMINAL, power=False)
 
 
 def test_all_four_are_named_in_the_order_of_their_size(answer):
@@ -97,6 +105,59 @@ def test_a_closed_loop_in_which_nothing_is_missing_gets_no_name():
         records[:1], records[1:], Model([[MASS]], [[DAMPING]], [[0.0]], hold="zoh"), power=False
     )
     assert not answer.added and answer.verdict.word in ("none", "parameters")
+
+
+def test_a_force_that_no_catalogue_names_stays_unnamed():
+    rng = np.random.default_rng(4)
+
+    def shape(x, v):
+        return 6e5 * x * x * v
+
+    records = [closed_loop(rng, other=shape), closed_loop(rng, other=shape, pulses=40.0)]
+    answer = find_gap(records[:1], records[1:], NOMINAL, power=False)
+    assert answer.verdict.word == "unknown"
+    assert "x^2 v" in answer.verdict.reason
+
+
+def test_lost_samples_are_left_out(machine):
+    record, lost = machine[0], np.random.default_rng(1).random(machine[0].N) < 0.002
+    spoilt = np.where(lost[:, None], 7.0, record.y)
+    flagged = Record(record.t, record.u, spoilt, quality=lost.astype(np.uint8), hold="zoh")
+    answer = find_gap([flagged], machine[2:], NOMINAL, power=False)
+    assert answer.added[0].name == "coulomb_friction"
+    assert answer.added[0].force == pytest.approx(20, rel=0.05)
+    assert answer.force_gaps["better"] < 0.25 * answer.force_gaps["refitted"]
+
+
+def coupled(rng, N=6000, friction=3.0):
+    """Record of two masses on a spring, both seen and free to drift; the first is driven, the second rubs."""
+    u, y = np.repeat(rng.standard_normal(N // 30), 30) * 12, np.zeros((N, 2))
+    x, v = np.zeros(2), np.zeros(2)
+
+    def acceleration(force):
+        link = 900.0 * (x[0] - x[1]) + 2.0 * (v[0] - v[1])
+        rub = friction * min(max(v[1] / 1e-3, -1), 1)
+        return np.array([force - link - 3.0 * v[0], link - rub - 3.0 * v[1]]) / np.array([2.0, 1.0])
+
+    for i in range(N):
+        y[i] = x + 1e-6 * rng.standard_normal(2)
+        for _ in range(FINE):
+            v = v + H / FINE / 2 * acceleration(u[i])
+            x = x + H / FINE * v
+            v = v + H / FINE / 2 * acceleration(u[i])
+    return Record(H * np.arange(N), u[:, None], y, hold="zoh")
+
+
+def test_friction_of_two_free_masses_is_placed():
+    rng = np.random.default_rng(2)
+    records = [coupled(rng), coupled(rng)]
+    model = Model(
+        [[2.0, 0], [0, 1.0]], [[5.0, -2.0], [-2.0, 5.0]], [[900.0, -900.0], [-900.0, 900.0]],
+        input_map=[[1.0], [0.0]], hold="zoh",
+    )  # fmt: skip
+    answer = find_gap(records[:1], records[1:], model, power=False)
+    assert [(e.name, e.dof) for e in answer.added] == [("coulomb_friction", 1)]
+    assert answer.added[0].force == pytest.approx(3.0, rel=0.05)
 
 
 def two_masses(rng, N=4000, m=(2.0, 0.6), d=1.5, hertz=6.0):

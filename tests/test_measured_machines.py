@@ -24,7 +24,9 @@ def answer():
             pytest.skip(f"{name}: no {machine.folder}/ in the folder that SYSID_BENCH_DATA names")
         found = convert.records(machine, root)
         train, test = ([found[n] for n in names] for names in (machine.train, machine.test))
-        return find_gap(train, test, convert.nominal(machine), rules=Rules(most=machine.most), power=False)
+        return find_gap(
+            train, test, convert.nominal(machine), rules=Rules(most_on_force=machine.most), power=False
+        )
 
     return of
 

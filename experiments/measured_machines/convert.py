@@ -37,7 +37,7 @@ class Machine:
     nominal: tuple[float, float]
     hold: str
     units: tuple[str, str] = ("N", "m")
-    most: int = 3
+    most: int = 4
 
 
 def arrays(path: Path) -> dict[str, np.ndarray]:

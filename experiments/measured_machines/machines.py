@@ -38,7 +38,14 @@ def run(name: str) -> bool:
         return False
     out = RESULTS / name
     given = convert(machine, root, out / "data")
-    command = [sys.executable, "-m", "sysid_bench", "gap", f"out={out}", f"rules.most={machine.most}"]
+    command = [
+        sys.executable,
+        "-m",
+        "sysid_bench",
+        "gap",
+        f"out={out}",
+        f"rules.most_on_force={machine.most}",
+    ]
     begun = time.perf_counter()
     subprocess.run([*command, *(f"{k}={v}" for k, v in given.items())], check=True)
     (out / "seconds.json").write_text(json.dumps(time.perf_counter() - begun))

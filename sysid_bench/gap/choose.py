@@ -21,6 +21,7 @@ DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 
 
 UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
+MOST_DAMPED = 0.7  # damping ratio from which a hidden mass is no mode
 BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 
 
@@ -28,11 +29,12 @@ BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 class Rules:
     """How an effect earns its place.
 
-    most: effects looked for; finalists: suspects fitted by simulation; practical: share of the linear gap that
+    most (most_on_force where the force is judged): effects looked for; finalists: suspects fitted by simulation; practical: share of the linear gap that
     matters; second_share: share of what is left that a later effect must take; enough: rho at which nothing is left
     """
 
     most: int = 3
+    most_on_force: int = 4
     finalists: int = 7
     practical: float = 0.03
     second_share: float = 0.4
@@ -120,7 +122,14 @@ def refine(problem: Problem, base: Fit, candidate: Candidate, iterations: int = 
     thetas = [base.point.theta, candidate.theta, np.zeros_like(base.point.theta)]
     start = best_start(problem, effects, thetas, base.point.starts)
     found = fit(problem, start, free_parameters(effects), iterations) if start is not None else None
-    return Contender(found, candidate, price(problem, found)) if found is not None else None
+    if found is None or (problem.on_force and _swings_not(found.point.effects[-1])):
+        return None
+    return Contender(found, candidate, price(problem, found))
+
+
+def _swings_not(effect: Effect) -> bool:
+    """True of a hidden mass that creeps: a mode by name only, and on a machine it mends the shape of anything."""
+    return effect.name == "extra_mode" and effect.values[effect.numeric.index("damping_ratio")] > MOST_DAMPED
 
 
 def _rank(one: Fit, effect: Effect) -> tuple:
@@ -301,7 +310,7 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
     """The story that follows from a first look: every later effect must earn its place."""
     linear = story.linear
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
-    for k in range(rules.most):
+    for k in range(rules.most_on_force if problem.on_force else rules.most):
         if story.fit.rho < rules.enough and k > 0:
             break
         round_ = first if k == 0 else look(problem, story.fit, catalogue, rules, linear_gap)
