@@ -91,7 +91,7 @@ class Arx:
                 theta, influences = instruments(*data)
             estimate = self._recovered(record, model, orders, theta, influences)
             if self.recover == "least_squares":
-                report |= self._noise_bias(record, model, orders, equation, estimate)
+                report |= self._noise_bias(record, model, orders, equation, theta, estimate.covariance)
         except (Diverged, NotApplicable) as problem:
             estimate = Estimate(reason=f"no M, D, K: {problem}")
         return replace(estimate, coefficients=equation.named(), diagnostics=report)
@@ -99,28 +99,39 @@ class Arx:
     def _recovered(
         self, record: Record, model: Model, orders: Orders, theta: Array, influences: Array
     ) -> Estimate:
-        hold = hold_of(record, model) if self.hold == "record" else "zoh"
+        poles, (M, D, K) = self._matrices(record, model, orders, theta)
 
-        def recovered(theta: Array) -> tuple[np.ndarray, tuple[Array, Array, Array]]:
-            form = modal_form(from_theta(theta, record.ny, record.nu, orders), record.h, hold)
-            return form[0], project(form, model, self.projection)
+        def recovered(changed: Array) -> Array:
+            return pack(*self._matrices(record, model, orders, changed)[1])
 
-        poles, (M, D, K) = recovered(theta)
         return Estimate(M, D, K, _covariance(recovered, theta, influences), sort_poles(poles))
 
+    def _matrices(
+        self, record: Record, model: Model, orders: Orders, theta: Array
+    ) -> tuple[np.ndarray, tuple[Array, Array, Array]]:
+        """Poles and M, D, K that the coefficients theta imply."""
+        hold = hold_of(record, model) if self.hold == "record" else "zoh"
+        form = modal_form(from_theta(theta, record.ny, record.nu, orders), record.h, hold)
+        return form[0], project(form, model, self.projection)
+
     def _noise_bias(
-        self, record: Record, model: Model, orders: Orders, equation: DifferenceEquation, found: Estimate
+        self,
+        record: Record,
+        model: Model,
+        orders: Orders,
+        equation: DifferenceEquation,
+        theta: Array,
+        covariance: Array | None,
     ) -> dict[str, Any]:
-        """How far the estimate is from that of instruments, which output noise does not bias."""
+        """How far M, D, K are from those of instruments, which output noise does not bias."""
         name, what = "noise_bias_over_std", "the bias that output noise gives least squares"
         parts = jackknife.blocks(record.N - orders.start, 0, 2 * (orders.start + 1))
         try:
-            theta, influences = instruments(record.u, record.y, orders, equation, self.rounds, parts)
-            other = self._recovered(record, model, orders, theta, influences)
+            other, _ = instruments(record.u, record.y, orders, equation, self.rounds, parts)
+            pair = [pack(*self._matrices(record, model, orders, each)[1]) for each in (theta, other)]
         except (Diverged, NotApplicable, np.linalg.LinAlgError):
             return {"warning": "whether output noise biases the least squares could not be checked"}
-        bias = pack(found.M, found.D, found.K) - pack(other.M, other.D, other.K)
-        return bias_remarks(bias, found.covariance, name, what, counted=False)
+        return bias_remarks(pair[0] - pair[1], covariance, name, what, counted=False)
 
 
 def _covariance(recovered, theta: Array, influences: Array) -> Array | None:
@@ -129,7 +140,7 @@ def _covariance(recovered, theta: Array, influences: Array) -> Array | None:
 
     def replicate(change: Array) -> Array | None:
         try:
-            return pack(*recovered(theta - change * J / (J - 1))[1])
+            return recovered(theta - change * J / (J - 1))
         except Diverged:
             return None
 

@@ -64,10 +64,8 @@ class VariationalGauss2:
             inverse = inverse_information(found.point.hessian)
         except np.linalg.LinAlgError as problem:
             raise Diverged(f"the minimum is flat: {problem}.") from None
-        bias, covariance = (
-            search.bias(found.point, inverse, hold_of(record, model))[:count],
-            inverse[:count, :count],
-        )
+        bias = search.bias(found.point, inverse, hold_of(record, model))[:count]
+        covariance = inverse[:count, :count]
         report = {
             "iterations": found.iterations,
             "relative_residual": float(np.sqrt(np.mean(found.point.variance / record.y.var(axis=0)))),
@@ -82,7 +80,7 @@ class VariationalGauss2:
 
     def _start(self, record: Record, model: Model) -> Array:
         if self.start == "nominal":
-            if not model.has_values:
+            if model.mass is None or model.damping is None or model.stiffness is None:
                 raise NotApplicable("start=nominal wants a model with values of mass, damping and stiffness.")
             return pack(model.mass, model.damping, model.stiffness)
         problem = problem_of([record], model, "diagonal", False, False)

@@ -73,7 +73,7 @@ def _points(study: Study) -> tuple[list[str], list[tuple[str, ...]]]:
     """Headings, and per row the words of what tells points apart: some in columns, the rest as one condition."""
     config = study.config
     cased = [key for case in config.get("cases") or [] for key in case]
-    keys = dict.fromkeys([*FIRST, *cased, *(config.get("axes") or {})])
+    keys: list[str] = list(dict.fromkeys([*FIRST, *cased, *(config.get("axes") or {})]))
     words = {key: [_word(v) for v in study.columns[key]] for key in keys if key in study.columns}
     words = {key: column for key, column in words.items() if len(set(column)) > 1 and key not in DULL}
     alone = [key for key in words if key in FIRST]
@@ -81,7 +81,7 @@ def _points(study: Study) -> tuple[list[str], list[tuple[str, ...]]]:
     columns = [words[key] for key in alone]
     if rest:
         columns.append([_condition(rest, row) for row in zip(*(words[key] for key in rest), strict=True)])
-    heads = [FIRST[str(key)] for key in alone] + (["condition"] if rest else [])
+    heads = [FIRST[key] for key in alone] + (["condition"] if rest else [])
     return heads, list(zip(*columns, strict=True))
 
 
