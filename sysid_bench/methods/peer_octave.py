@@ -43,7 +43,7 @@ class PeerOctave:
     """
 
     algorithm: str = "n4sid"
-    horizon: int | None = 10
+    horizon: int | None = 20
 
     nominal = False
 

@@ -21,7 +21,7 @@ class PeerSippy:
     horizon: of past and future, samples."""
 
     algorithm: str = "PARSIM-S"
-    horizon: int = 10
+    horizon: int = 20
 
     nominal = False
 
