@@ -53,7 +53,7 @@ def test_methods_show_their_errors_and_absent_ones_that_they_do_not_apply(tmp_pa
     )
     study(tmp_path, "peers/peers", [ok, absent], axes={"method": ["a", "b"]})
     page = bound_page(tmp_path)
-    assert "| a | 1 | 0 | 2.00 / 2.00 / 2.00 | 1 / 1 / 1 | 0.1 | 20 | 0 % |" in page
+    assert "| a | 1 | 0 | 2.00 / 2.00 / 2.00 | 1 / 1 / 1 | 0.1 | 0 % |" in page
     assert "| b | 1 | 1 (does not apply) |" in page
 
 

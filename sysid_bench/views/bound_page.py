@@ -36,7 +36,7 @@ HEAD = f"""# At the bound
 S = root mean square over runs of error / Cramér-Rao bound of the very record (relative Frobenius norms), for M / D / K: 1 is the
 best that any unbiased method can do. "Near" is the share of runs in which all three are within {NEAR} of their bounds; an estimate that
 is exactly at the bound is there in about 60 % of runs on three masses and 85 % on eight, by chance alone. N = 6000 samples, cubic noise force unless said otherwise. A failure is a
-run without an estimate; ms is that of the fastest run. Made by `make bound`.
+run without an estimate. Made by `make bound`.
 """
 Rows = np.ndarray  # (rows,) bool
 Cell = Callable[[Columns, Rows], str]
@@ -106,7 +106,6 @@ def _cells(columns: Columns) -> dict[str, Cell]:
         found["median error of the poles, %"] = lambda c, rows: _median_percent(
             _numbers(c, rows, "pole_error")
         )
-        found["ms"] = _fastest
     if "worst_over_bound" in columns:
         found["near"] = lambda c, rows: _percent(c["worst_over_bound"][_good(c, rows)] <= NEAR, rows)
     if "truth_ahead" in columns:
@@ -122,11 +121,6 @@ def _cells(columns: Columns) -> dict[str, Cell]:
 
 def _good(columns: Columns, rows: Rows) -> Rows:
     return rows & (columns["status"] == "ok")
-
-
-def _fastest(columns: Columns, rows: Rows) -> str:
-    taken = _numbers(columns, rows, "fit_s")
-    return f"{1e3 * taken.min():.0f}" if len(taken) else ""
 
 
 def _failures(columns: Columns, rows: Rows) -> str:
