@@ -20,6 +20,13 @@ ALIKE = {
     frozenset({"input_delay", "actuator_lag"}): "to first order the same phase",
     frozenset({"input_delay", "wrong_hold"}): "half a sample of delay",
 }
+# A richer law holds the simpler one as a limit: no experiment speaks against it.
+HELD = frozenset(
+    {
+        ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
+        ("coulomb_friction", "bouc_wen_hysteresis"), ("sensor_bias", "sensor_drift"),
+    }
+)  # fmt: skip
 
 
 def gap_values(
@@ -166,6 +173,7 @@ def alike(answer: Answer) -> list[list[Contender]]:
             continue
         known = (r.chosen.effect.name, r.chosen.effect.dof)
         close = [c for c in r.contenders if not c.is_decoy and _is_close(r, c)]
+        close = [c for c in close if (r.chosen.effect.name, c.effect.name) not in HELD]
         close = [c for c in close if (c.effect.name, c.effect.dof) != known]
         if close:
             found.append([r.chosen, *close])

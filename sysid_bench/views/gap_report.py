@@ -84,7 +84,12 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
             bars(budget(values), "x floor"),
             "error budget",
             "What is left over the noise floor (rms), step by step, on the training records.",
-        )
+        ),
+        _image(
+            bars(held_out(values), "%"),
+            "held-out error",
+            "Free-run error on the test records, which chose nothing, in per cent of the measured rms.",
+        ),
     ]
     if answer.judged:
         return found + _on_force(answer) + _clouds(answer)
@@ -102,6 +107,13 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
             _spectrum(answer),
             "residual spectrum",
             "Residual on the first test record, all channels, by frequency.",
+        )
+    )
+    found.append(
+        _image(
+            _over_time(answer),
+            "residual over time",
+            "Residual on the first test record, rms of all channels in a hundred parts, over the noise floor.",
         )
     )
     return found + _clouds(answer)
@@ -122,6 +134,28 @@ def budget(values: Mapping[str, Any]) -> list[tuple[str, float]]:
     return [
         (name, float(np.sqrt(max(v, 1e-6)))) for name, v in [*rows, ("noise floor", 1.0)] if np.isfinite(v)
     ]
+
+
+def held_out(values: Mapping[str, Any]) -> list[tuple[str, float]]:
+    """(which, per cent) of the given and the better model and the floor."""
+    rows = (("model as given", "gap_before"), ("better model", "gap_after"), ("noise floor", "noise_floor"))
+    return [(name, 100 * max(float(values[key]), 1e-9)) for name, key in rows if np.isfinite(values[key])]
+
+
+def _over_time(answer: Answer) -> str:
+    lines, parts = [], 100
+    for proof in (answer.before[0], answer.after[0]):
+        r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
+        lines.append([np.sqrt(np.mean(part**2)) for part in np.array_split(r, parts)])
+    t = np.linspace(*answer.after[0].trace.t[[0, -1]], parts)
+    shown = [np.log10(np.maximum(line, 1e-3)) for line in lines]
+    top = max(float(line.max()) for line in shown)
+    axes = Axes((float(t[0]), float(t[-1])), (-0.5, top + 0.3), "t (s)", "rms over floor", log=True)
+    for line, colour in zip(shown, (1, 0)):
+        axes.line(t, line, colour)
+    axes.line(t[[0, -1]], np.zeros(2), 7, 1.0)
+    axes.legend([("given model", 1), ("better model", 0), ("noise floor", 7)])
+    return axes.text()
 
 
 def _output(answer: Answer, c: int) -> str:
@@ -181,7 +215,7 @@ def _spectrum(answer: Answer) -> str:
     floor = float(np.log10(np.mean(answer.noise)))
     axes = Axes(
         (0.0, float(top)),
-        (floor - 0.7, max(float(p.max()) for _, p in shown)),
+        (floor - 0.7, max(float(p.max()) for _, p in shown) + 0.6),
         "frequency (Hz)",
         "power",
         log=True,
@@ -234,9 +268,9 @@ def _clouds(answer: Answer) -> list[Mapping[str, str]]:
         )
         found.append(
             _image(
-                field(x, v, np.abs(force), "displacement (m)", "velocity (m/s)"),
+                field(x, v, force, "displacement (m)", "velocity (m/s)"),
                 "force over state",
-                f"Size of the unexplained force at {where} over displacement and velocity.",
+                f"The unexplained force at {where} over displacement and velocity: orange positive, blue negative.",
             )
         )
     return found

@@ -65,17 +65,20 @@ class Axes:
             f"{a:.1f},{b:.1f}" for a, b in zip(self.px(x), np.clip(self.py(y), -50, HEIGHT + 50))
         )
         self.parts.append(
-            f'<polyline points="{points}" fill="none" stroke="{COLOURS[colour]}" stroke-width="{width}"/>'
+            f'<polyline clip-path="url(#frame)" points="{points}" fill="none" stroke="{COLOURS[colour]}" stroke-width="{width}"/>'
         )
 
     def dots(self, x: Array, y: Array, colour: int, size: float = 1.4) -> None:
         marks = "".join(f"M{a:.1f} {b:.1f}h.01" for a, b in zip(self.px(x), self.py(y)))
         self.parts.append(
-            f'<path d="{marks}" stroke="{COLOURS[colour]}" stroke-width="{2 * size}" stroke-linecap="round" opacity=".45"/>'
+            f'<path clip-path="url(#frame)" d="{marks}" stroke="{COLOURS[colour]}" stroke-width="{2 * size}" stroke-linecap="round" opacity=".45"/>'
         )
 
     def legend(self, names: Sequence[tuple[str, int]]) -> None:
-        at = LEFT + 8.0
+        at, width = LEFT + 8.0, sum(34 + 6.6 * len(name) for name, _ in names)
+        self.parts.append(
+            f'<rect x="{LEFT + 2}" y="{TOP}" width="{width:.0f}" height="19" fill="#fff" opacity=".85"/>'
+        )
         for name, colour in names:
             self.parts.append(f'<path d="M{at} {TOP + 9}h16" stroke="{COLOURS[colour]}" stroke-width="2.5"/>')
             self.parts.append(f'<text x="{at + 21}" y="{TOP + 13}">{escape(name)}</text>')
@@ -91,6 +94,8 @@ def _svg(parts: list[str], height: int = HEIGHT) -> str:
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="480pt" viewBox="0 0 {WIDTH} {height}">'
+        f'<clipPath id="frame"><rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" '
+        f'height="{max(height - BOTTOM - TOP, 1)}"/></clipPath>'
         f'<rect width="{WIDTH}" height="{height}" fill="#fff"/>{style}{"".join(parts)}</svg>'
     )
 
@@ -112,7 +117,7 @@ def bars(rows: Sequence[tuple[str, float]], unit: str) -> str:
 
 
 def field(x: Array, y: Array, size: Array, x_label: str, y_label: str, cells: int = 28) -> str:
-    """Mean of `size` over cells of the (x, y) plane, dark where large."""
+    """Mean of `size` over cells of the (x, y) plane: blue where negative, orange where positive, strong where large."""
     axes = Axes((float(x.min()), float(x.max())), (float(y.min()), float(y.max())), x_label, y_label)
     i = np.clip(((x - x.min()) / max(np.ptp(x), 1e-300) * cells).astype(int), 0, cells - 1)
     j = np.clip(((y - y.min()) / max(np.ptp(y), 1e-300) * cells).astype(int), 0, cells - 1)
@@ -120,12 +125,12 @@ def field(x: Array, y: Array, size: Array, x_label: str, y_label: str, cells: in
     np.add.at(total, (i, j), size)
     np.add.at(count, (i, j), 1)
     mean = total / np.maximum(count, 1)
-    scale = max(float(mean.max()), 1e-300)
+    scale = max(float(np.percentile(np.abs(mean[count > 0]), 98)), 1e-300)
     wide, tall = (WIDTH - LEFT - RIGHT) / cells, (HEIGHT - TOP - BOTTOM) / cells
     for a, b in zip(*np.nonzero(count)):
-        shade = 0.08 + 0.92 * mean[a, b] / scale
+        shade = min(0.06 + 0.94 * abs(mean[a, b]) / scale, 1.0)
         axes.parts.append(
             f'<rect x="{LEFT + a * wide:.1f}" y="{HEIGHT - BOTTOM - (b + 1) * tall:.1f}" width="{wide:.2f}" '
-            f'height="{tall:.2f}" fill="{COLOURS[1]}" opacity="{shade:.2f}"/>'
+            f'height="{tall:.2f}" fill="{COLOURS[int(mean[a, b] > 0)]}" opacity="{shade:.2f}"/>'
         )
     return axes.text()
