@@ -65,7 +65,14 @@ def asked(given: argparse.Namespace) -> list[int]:
 def attempts(given: argparse.Namespace) -> Iterator[tuple[int, tuple[dict, dict] | None]]:
     """(seed, answer and truth) as they come, on `jobs` processes."""
     seeds = asked(given)
-    one = partial(attempt, kind=given.kind, size=given.size, name=given.name, stratum=given.stratum)
+    one = partial(
+        attempt,
+        oracle_every=given.oracle_every,
+        kind=given.kind,
+        size=given.size,
+        name=given.name,
+        stratum=given.stratum,
+    )
     if given.jobs == 1:
         yield from ((seed, one(seed)) for seed in seeds)
         return
@@ -126,6 +133,9 @@ def arguments() -> argparse.Namespace:
     trial.add_argument("--count", type=int, required=True)
     trial.add_argument("--out", type=Path, required=True)
     trial.add_argument("--jobs", type=int, default=1)
+    trial.add_argument(
+        "--oracle-every", type=int, default=1, help="ask the oracle where this divides the seed"
+    )
     trial.add_argument("--stratum", choices=list(STRATA), default="main")
     for word in ("kind", "size", "name"):
         trial.add_argument(f"--{word}")
