@@ -187,7 +187,7 @@ class Draw:
             self.hidden.sensor.append((name, place, value))
             values = {key: value / site.seconds if name == "sensor_drift" else value}
         else:
-            self._outside(name, site, c)
+            name = self._outside(name, site, c)
         if name in OUTSIDE:
             self.truth["outside"] = name
         else:
@@ -247,18 +247,21 @@ class Draw:
         self.hidden.path.append((name, ch, value))
         return name, int(np.argmax(self.L[:, ch])), {key: value}
 
-    def _outside(self, name: str, site: Site, c: np.ndarray) -> None:
-        if name == "random_force":
+    def _outside(self, name: str, site: Site, c: np.ndarray) -> str:
+        """Hide a force that no catalogue names; its name, another where this one would show nothing."""
+        if name == "random_force" and not self.conditions.in_loop:
             force = excite("noise", self.N, self.h, 1, self.low, self.high, self.rng)[:, 0]
             self.hidden.random = (c, force * site.s * site.size)
-            return
+            return name
         if name == "input_square":
             ch = int(self.rng.integers(self.L.shape[1]))
             if self.ex != "prbs" and not self.conditions.in_loop:
                 self.hidden.path.append((name, ch, 0.5 * site.s / self.us[0][:, ch].std()))
-                return
-            name = "product"  # two levels squared are a constant
+                return name
+        if name in ("random_force", "input_square"):
+            name = "product"  # two levels squared are a constant; the controller's run takes laws of the state only
         self._force(unnamed(name, site), c)
+        return name
 
     def blur(self, spread) -> None:
         """The nominal: right but for `spread`, or 10-30 % off."""

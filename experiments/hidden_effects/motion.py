@@ -41,7 +41,7 @@ def run(
     f = w @ machine.L.T
     if hidden.random is not None:
         c, force = hidden.random
-        f = f + np.outer(np.interp(np.arange(len(f)) / (2 * small), np.arange(len(u)), force), c)
+        f = f + np.outer(np.interp(np.arange(len(f)) / (2 * small), np.arange(len(u)), force[: len(u)]), c)
     M, D, K, q0, v0 = _grown(machine, hidden, x0)
     f = np.pad(f, ((0, 0), (0, len(M) - f.shape[1])))
     Q, V = integrate(
