@@ -106,11 +106,12 @@ def force_banded(trace: Trace, end: float) -> Trace:
 
 @dataclass(frozen=True, eq=False)
 class OnForce:
-    """A record judged on the force: given (R, n) and needed (R, n) in the band, at t (R,); gap, the share missed.
+    """A record judged on the force: given (R, n) and needed (R, n) in the band, at t (R,); model with its own phases.
 
-    The gap is |F - Fhat| / |F| after the first quarter of the record, where the record's own phases were fitted.
+    gap: the share missed; floor: the noise's share. The gap is |F - Fhat| / |F| after the first quarter of the record, where the record's own phases were fitted.
     """
 
+    model: Model
     t: Array
     given: Array
     needed: Array
@@ -124,10 +125,10 @@ def judge_on_force(model: Model, record: Record, problem: ForceProblem) -> OnFor
     trace = force_banded(cropped(trace_of(record, problem.model)), float(like.omega[-1]) * (1 + 1e-9))
     here = replace(problem, traces=(trace,), motions=(measured_motion(trace),))
     first = np.arange(2 * trace.F) < FIRST_PART * 2 * trace.F
-    effects = own_phases(here, 0, model, first)
-    given, needed = (rows_of(trace, x, keep=False) for x in here.forces(replace(model, effects=effects), 0))
+    own = replace(model, effects=own_phases(here, 0, model, first))
+    given, needed = (rows_of(trace, x, keep=False) for x in here.forces(own, 0))
     t = trace.t0 + np.arange(2 * trace.F) * trace.N * trace.h / (2 * trace.F)
     scored = here.kept(0) & ~first
     gap, size = given - needed, np.linalg.norm(given[scored])
     floor = np.sqrt(scored.sum() * np.sum(1 / like.weight[0] ** 2)) / size
-    return OnForce(t, given, needed, float(np.linalg.norm(gap[scored]) / size), float(floor))
+    return OnForce(own, t, given, needed, float(np.linalg.norm(gap[scored]) / size), float(floor))

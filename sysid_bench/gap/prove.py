@@ -31,23 +31,12 @@ def free_run_gap(y: Array, predicted: Array, good: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.mean((y - predicted) ** 2, axis=0) / power)))
 
 
-def prove(model: Model, record: Record) -> Proof:
+def prove(model: Model, record: Record, phases: frozenset[str] = PHASES) -> Proof:
     """Free run of a model on a record; its start and its own phases are fitted on the record's first quarter."""
     trace = trace_of(record, model)
     problem = Problem(model, (trace,), (), np.zeros(0))
-    point = _own_start(problem, trace)
+    point = _own_start(problem, trace, phases)
     found = evaluate_free(problem, trace, point)
-    return Proof(record, trace, found, free_run_gap(trace.y, found, trace.good))
-
-
-def drive(model: Model, record: Record) -> Proof:
-    """Free run of a free mass from the position and speed that were measured at the start: nothing is fitted, it drifts."""
-    trace = trace_of(record, model)
-    first = slice(0, min(20, trace.N))
-    speed = [np.polyfit(trace.t[first], c[first], 1)[0] for c in trace.y.T]
-    problem = Problem(model, (trace,), (), np.zeros(0))
-    start = np.concatenate([trace.y[0], speed])
-    found = np.nan_to_num(evaluate_free(problem, trace, replace(problem.nominal(), starts=(start,))))
     return Proof(record, trace, found, free_run_gap(trace.y, found, trace.good))
 
 
@@ -56,7 +45,7 @@ def evaluate_free(problem: Problem, trace: Trace, point: Point) -> Array:
     return shown(problem, trace, run(problem, trace, model, point.starts[0]))
 
 
-def _own_start(problem: Problem, trace: Trace) -> Point:
+def _own_start(problem: Problem, trace: Trace, own: frozenset[str]) -> Point:
     """Rest, the static equilibrium, or a fitted start and fitted phases: what serves the first part best."""
     model = problem.model
     n, rest = model.n, problem.nominal()
@@ -66,7 +55,7 @@ def _own_start(problem: Problem, trace: Trace) -> Point:
         (e, p)
         for e, x in enumerate(model.effects)
         for p, key in enumerate(x.numeric)
-        if key in PHASES and x.path == "force"
+        if key in own and x.path == "force"
     )
     here = problem.on((part,))
     scores = [_misfit(here, part, p) for p in points]

@@ -44,6 +44,7 @@ def gap_values(
         "where": where_values(answer),
         "noise_floor": answer.floor,
         "noise_floor_is": f"estimated {answer.floor_found}",
+        "gap_is": "on the force" if answer.judged else "of the free run",
         "gap_before": answer.gap_before,
         "gap_after": answer.gap_after,
         "residual_over_floor": {
@@ -58,11 +59,19 @@ def gap_values(
             "remarks": answer.check.remarks,
         },
         "tests": [
-            {"record": i, "gap_before": a.gap, "gap_after": b.gap}
-            for i, (a, b) in enumerate(zip(answer.before, answer.after))
+            {"record": i, "gap_before": a.gap, "gap_after": b.gap, **free}
+            for i, (a, b, free) in enumerate(_tests(answer))
         ],
         "origin": origin,
     }  # fmt: skip
+
+
+def _tests(answer: Answer):
+    """Per test record what the gap is taken from, before and after; where that is the force, the free run's error beside it."""
+    if not answer.judged:
+        return [(a, b, {}) for a, b in zip(answer.before, answer.after)]
+    free = [{"free_run_before": a.gap, "free_run_after": b.gap} for a, b in zip(answer.before, answer.after)]
+    return list(zip(answer.judged["given"], answer.judged["better"], free))
 
 
 def force_share(answer: Answer) -> dict[str, float] | None:
@@ -71,6 +80,9 @@ def force_share(answer: Answer) -> dict[str, float] | None:
         return None
     missed = answer.problem.share_missed
     return {"refit": missed(answer.story.linear), "final": missed(answer.story.fit)}
+
+
+ELSEWHERE = -0.02  # on the force, what takes so much more of the gap explains another part of it: no rival
 
 
 def place_value(dof) -> Any:
@@ -136,17 +148,15 @@ def evidence(answer: Answer, effect: Effect) -> dict[str, Any]:
 def rivals(answer: Answer, effect: Effect) -> tuple[list, list]:
     """(told apart from, not told apart from): what else was fitted in the round that chose this effect."""
     apart, close = [], []
+    own = {(e.name, e.dof) for e in answer.story.fit.point.effects}
     for r in answer.story.rounds:
         if r.chosen is None or r.chosen.effect.name != effect.name:
             continue
         for other in r.contenders:
-            if (other.effect.name, other.effect.dof) == (effect.name, effect.dof):
+            behind = float((other.cost - r.chosen.cost) / _linear_gap(r))
+            if (other.effect.name, other.effect.dof) in own or (answer.judged and behind < ELSEWHERE):
                 continue
-            entry = {
-                "name": other.effect.name,
-                "dof": place_value(other.effect.dof),
-                "behind": float((other.cost - r.chosen.cost) / _linear_gap(r)),
-            }
+            entry = {"name": other.effect.name, "dof": place_value(other.effect.dof), "behind": behind}
             (close if _is_close(r, other) else apart).append(entry)
     for pair, why in ALIKE.items():
         if effect.name in pair and answer.problem.model.n == 1:

@@ -15,7 +15,7 @@ from sysid_bench.gap.colour import Floor, mean_floor
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
-from sysid_bench.gap.prove import Proof, drive, prove
+from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import Screen
 from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
@@ -48,20 +48,27 @@ class Answer:
         """Mean gap on the force over the test records of the given, the refitted, the better model; and the noise floor."""
         if self.judged is None:
             return None
-        gaps = {name: float(np.mean([j.gap for j in found])) for name, found in self.judged.items()}
-        return {**gaps, "floor": float(np.mean([j.floor for j in self.judged["better"]]))}
+        return {**{name: self._mean_gap([], name) for name in self.judged}, "floor": self.floor}
 
     @property
     def gap_before(self) -> float:
-        return float(np.sqrt(np.mean([p.gap**2 for p in self.before])))
+        """Held-out error of the model as given: of its free run, or of the force where that is judged."""
+        return self._mean_gap(self.before, "given")
 
     @property
     def gap_after(self) -> float:
-        return float(np.sqrt(np.mean([p.gap**2 for p in self.after])))
+        """The same of the better model."""
+        return self._mean_gap(self.after, "better")
+
+    def _mean_gap(self, proofs: list[Proof], which: str) -> float:
+        found = [p.gap for p in (self.judged[which] if self.judged else proofs)]
+        return float(np.sqrt(np.mean(np.square(found))))
 
     @property
     def floor(self) -> float:
         """The noise floor on the test records, in the unit of the gap."""
+        if self.judged:
+            return float(np.mean([j.floor for j in self.judged["better"]]))
         shares = [np.mean(self.noise / np.maximum(np.mean(p.trace.y**2, axis=0), 1e-300)) for p in self.after]
         return float(np.sqrt(np.mean(shares)))
 
@@ -105,11 +112,15 @@ def find_gap(
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
     last = _final_screen(problem, story, catalogue) if power else None
-    show = drive if problem.on_force else prove
-    before = [show(given, r) for r in test]
-    after = [show(better, r) for r in test]
-    floor = np.mean([t.variance for t in problem.traces], axis=0)
     judged = _on_the_force(problem, linear, given, better, test) if problem.on_force else None
+    if judged is None:
+        before, after = ([prove(m, r) for r in test] for m in (given, better))
+    else:  # a drifting position tells little of a phase: it is known from the force
+        before, after = (
+            [prove(j.model, r, frozenset()) for j, r in zip(judged[which], test)]
+            for which in ("given", "better")
+        )
+    floor = np.mean([t.variance for t in problem.traces], axis=0)
     return Answer(
         verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, floor_found, judged,
     )  # fmt: skip
