@@ -175,10 +175,10 @@ def _composed(
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(where.conf)):
             cfg = hydra_compose(name, overrides=[searchpath, *overrides], return_hydra_config=True)
-            choices = OmegaConf.to_container(cfg.hydra.runtime.choices)
+            choices: Any = OmegaConf.to_container(cfg.hydra.runtime.choices)
             with open_dict(cfg):
                 del cfg["hydra"]
-            plain = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=complete)
+            plain: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=complete)
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, TypeError, KeyError) as problem:
         known = _known(name, overrides, plugins) if complete else None
         raise InputError(one_message(name or "option", problem, known, groups(plugins))) from None

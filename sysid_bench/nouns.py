@@ -12,7 +12,9 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+# Real (float64) and complex (complex128) arrays; each docstring says the shape, numpy's stubs cannot.
+Array = np.ndarray[Any, Any]
+Complex = np.ndarray[Any, Any]
 Hold = Literal["zoh", "foh", "cubic", "bandlimited"]
 Output = Literal["displacement", "velocity", "acceleration"]
 Status = Literal["ok", "diverged", "timeout", "not_applicable", "error"]
@@ -145,7 +147,8 @@ class Record:
 
     def __repr__(self) -> str:
         step = f"{self.h:g} s" if self.is_uniform else "uneven steps"
-        flagged = "" if self.all_good else f", {int(np.count_nonzero(self.quality))} flagged"
+        bad = 0 if self.quality is None else int(np.count_nonzero(self.quality))
+        flagged = f", {bad} flagged" if bad else ""
         source = self.origin.get("source", "unknown origin")
         return (
             f"Record({self.N} samples at {step}, nu={self.nu}, ny={self.ny}, "
@@ -216,10 +219,9 @@ class Model:
             n = len(frozen_array(self.mass, "mass", 2))
             for name in ("mass", "damping", "stiffness"):
                 object.__setattr__(self, name, _square(getattr(self, name), name, n))
-            if np.linalg.eigvalsh(self.mass)[0] <= 0:
-                raise InputError(
-                    f"mass must be positive definite; its smallest eigenvalue is {np.linalg.eigvalsh(self.mass)[0]:g}."
-                )
+            smallest = np.linalg.eigvalsh(self.matrices[0])[0]
+            if smallest <= 0:
+                raise InputError(f"mass must be positive definite; its smallest eigenvalue is {smallest:g}.")
         if n is None or n < 1:
             raise InputError("a model needs its number of degrees of freedom: give n, or the matrices.")
         if self.n is not None and self.n != n:
@@ -269,6 +271,13 @@ class Model:
         return self.mass is not None
 
     @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """mass, damping, stiffness (n, n). Raises InputError for a model without values."""
+        if self.mass is None or self.damping is None or self.stiffness is None:
+            raise InputError("this needs values of mass, damping and stiffness; the model has no values.")
+        return self.mass, self.damping, self.stiffness
+
+    @property
     def fully_sensed_and_actuated(self) -> bool:
         """True where every DOF has its own sensor and its own force (both maps the identity)."""
         eye = np.eye(self.n)
@@ -307,6 +316,11 @@ class Plant:
     @property
     def n(self) -> int:
         return len(self.mass)
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """mass, damping, stiffness (n, n)."""
+        return self.mass, self.damping, self.stiffness
 
     @property
     def nu(self) -> int:
@@ -433,6 +447,13 @@ class Estimate:
     reason: str = ""
     seconds: float | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """M, D, K (n, n). Raises Diverged for an estimate that has none."""
+        if self.M is None or self.D is None or self.K is None:
+            raise Diverged(f"this estimate has no M, D, K: {self.reason or self.status}.")
+        return self.M, self.D, self.K
 
     def std(self, name: Literal["M", "D", "K"]) -> Array | None:
         """(n, n) standard errors of one matrix, None without a covariance."""

@@ -92,18 +92,18 @@ def _perturbed_zoh(
         return numbers
     numbers |= _relative(lumped(As, bs), mdk)
     return numbers | {
-        "A_error": _rms(As - A) / np.linalg.norm(A),
-        "b_error": _rms(bs - b) / np.linalg.norm(b),
-        "A_bias": np.linalg.norm(As.mean(axis=0) - A) / np.linalg.norm(A),
+        "A_error": _rms(As - A) / float(np.linalg.norm(A)),
+        "b_error": _rms(bs - b) / float(np.linalg.norm(b)),
+        "A_bias": float(np.linalg.norm(As.mean(axis=0) - A) / np.linalg.norm(A)),
     }
 
 
 def inverse_zoh(F: Array, g: Array, h: float) -> tuple[Array, Array]:
     """A (s, 2, 2), b (s, 2) of perturbed F, g of the same shapes, without those that have no real logarithm."""
     values, V = np.linalg.eig(F.astype(complex))
-    real = np.all((np.abs(values.imag) > 1e-12 * np.abs(values)) | (values.real > 0), axis=1)
+    real = np.all((np.abs(np.imag(values)) > 1e-12 * np.abs(values)) | (np.real(values) > 0), axis=1)
     logs = V[real] * np.log(values[real])[:, None, :] @ np.linalg.inv(V[real])
-    A = logs.real / h
+    A = np.real(logs) / h
     return A, np.linalg.solve(F[real] - np.eye(2), (A @ g[real][:, :, None]))[:, :, 0]
 
 

@@ -73,7 +73,7 @@ def lagrangian_mismatch(x: Array, M: Array, K: Array, h: float) -> float:
 
     def Ld(q0: Array, q1: Array, step: float) -> float:
         v, q = (q1 - q0) / step, (q0 + q1) / 2
-        return step * (v @ M @ v - q @ K @ q) / 2
+        return float(step * (v @ M @ v - q @ K @ q) / 2)
 
     mismatch = 0.0
     for q0, q1 in zip(x[:-1, :n], x[1:, :n]):

@@ -36,9 +36,8 @@ def main(cfg: dict[str, Any]) -> int:
     paired = [[pair(read_record(f), model) for f in group] for group in (train_files, test_files)]
     train, test = ([record for record, _, _ in group] for group in paired)
     rules = Rules(**cfg["rules"])
-    thresholds = Thresholds(
-        **{k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}
-    )
+    limits: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}
+    thresholds = Thresholds(**limits)
 
     def tell(line: str) -> None:
         print(f"[{time.perf_counter() - begun:6.2f} s] {line}", file=sys.stderr, flush=True)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import combinations_with_replacement
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from sysid_bench.build import build
 from sysid_bench.files import read_estimate, write_model
@@ -88,7 +88,7 @@ def compared(estimate: Estimate, plant: Plant) -> int:
     """Print estimate, 95 % interval and truth entry by entry; 1 where one is far outside."""
     print(f"{'entry':>8} {'estimate':>12} {'+-':>10} {'plant':>8} {'errors / std':>13}")
     worst, inside, total = 0.0, 0, 0
-    matrices = (
+    matrices: tuple[tuple[Literal["M", "D", "K"], Array | None, Array], ...] = (
         ("M", estimate.M, plant.mass),
         ("D", estimate.D, plant.damping),
         ("K", estimate.K, plant.stiffness),

@@ -56,8 +56,17 @@ def effect(
         value, unit = (entry.get("value"), entry.get("unit")) if isinstance(entry, Mapping) else (entry, None)
         if unit is not None and unit != kind.knobs[key].unit:
             raise InputError(f"{name}.{key} is in {kind.knobs[key].unit!r}; got {unit!r}.")
-        given[key] = value if isinstance(value, str) else float(value)
+        given[key] = _value(value, f"{name}.{key}")
     return kind(dof=tuple(dof) if isinstance(dof, list) else dof, **given)
+
+
+def _value(value: Any, name: str) -> float | str:
+    if isinstance(value, str):
+        return value
+    try:
+        return float(value)
+    except TypeError:
+        raise InputError(f"{name} must be a number, or have one as its value; got {value!r:.60}.") from None
 
 
 def own_effects(path: str | Path | None) -> tuple[type[Effect], ...]:
@@ -73,6 +82,8 @@ def own_effect(path: str | Path) -> type[Effect]:
             f"effects_path must name a Python file with one Effect class; {path} does not exist."
         )
     spec = importlib.util.spec_from_file_location(f"own_effect_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"effects_path must name a Python file, suffix .py; got {path}.")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return _class_of(module, str(path))

@@ -33,5 +33,5 @@ class StuckSensor(Effect):
         y, since = np.array(y), t - t[0]
         stuck = np.flatnonzero((since >= self.start) & (since < self.start + self.duration))
         if len(stuck) and len(t) > 1:
-            y[np.ix_(stuck, channels)] = y[stuck[0], channels]
+            y[stuck[:, None], channels] = y[stuck[0], channels]
         return y

@@ -83,7 +83,7 @@ class Dask:
     @contextmanager
     def _client(self) -> Iterator[Any]:
         try:
-            import dask
+            import dask.config
             from distributed import Client
         except ImportError:
             raise InputError("executor=dask needs dask: pip install 'sysid-bench[dask]'.") from None
@@ -100,12 +100,13 @@ class Dask:
         if self.cluster == "local":
             from distributed import LocalCluster
 
+            no_dashboard: Any = None  # what distributed takes, though its signature says str
             return LocalCluster(
-                n_workers=self.workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
+                n_workers=self.workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=no_dashboard,
                 env=WORKER_ENVIRONMENT,
             )  # fmt: skip
         try:
-            from dask_jobqueue import SLURMCluster
+            from dask_jobqueue.slurm import SLURMCluster
         except ImportError:
             raise InputError(
                 "executor.cluster=slurm needs dask-jobqueue: pip install 'sysid-bench[dask]'."

@@ -31,13 +31,14 @@ def estimate_of_black_box(
     Ad (nx, nx), Bd (nx, nu), Cd (ny, nx), Dd (ny, nu), h in s. Raises Diverged where a matrix is not finite or a
     pole has no continuous counterpart.
     """
-    space = tuple(np.asarray(X, dtype=float) for X in (Ad, Bd, Cd, Dd))
-    if not all(np.all(np.isfinite(X)) for X in space):
+    A, B, C, through = (np.asarray(X, dtype=float) for X in (Ad, Bd, Cd, Dd))
+    if not all(np.all(np.isfinite(X)) for X in (A, B, C, through)):
         raise Diverged("the model found is not finite.")
-    p, c, b = modes(*space[:3])
+    p, c, b = modes(A, B, C)
+    space = (A, B, C, through, h)
     lam, rows = d2c(p, b, h)
     try:
         M, D, K = project((lam, c, rows), model, "direct")
     except (NotApplicable, Diverged, InputError) as problem:
-        return Estimate(poles=lam, state_space=(*space, h), reason=str(problem), diagnostics=diagnostics)
-    return Estimate(M, D, K, None, lam, (*space, h), diagnostics=diagnostics)
+        return Estimate(poles=lam, state_space=space, reason=str(problem), diagnostics=diagnostics)
+    return Estimate(M, D, K, None, lam, space, diagnostics=diagnostics)

@@ -58,13 +58,12 @@ def midpoint_start(form: Modes, model: Model, h: float, *, printed: bool = False
         )
     c = read_back(model, c)
     try:
-        companion = np.linalg.solve(np.vstack([c, c * p]).T, (c * p**2).T).T.real
+        companion = np.real(np.linalg.solve(np.vstack([c, c * p]).T, (c * p**2).T).T)
         F21, F22 = companion[:, :n], companion[:, n:]
-        B1, CAB = (c @ b).real, ((c * p) @ b).real
+        B1, CAB = np.real(c @ b), np.real((c * p) @ b)
         J = (B1 + CAB - F22 @ B1) / (1 if printed else h)
         Md = mass_from(model, J)
     except np.linalg.LinAlgError:
         raise Diverged("the n4sid start (4.15) met a singular matrix.") from None
-    found = (Md, -Md @ F22, -Md @ F21)
-    M, D, K = to_continuous(*((X + X.T) / 2 for X in found), h)
-    return M, D, K
+    Md, Dd, Kd = ((X + X.T) / 2 for X in (Md, -Md @ F22, -Md @ F21))
+    return to_continuous(Md, Dd, Kd, h)

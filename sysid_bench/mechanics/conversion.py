@@ -87,7 +87,7 @@ def _divided(x: np.ndarray) -> np.ndarray:
 
 def continuous_poles(p: np.ndarray, h: float) -> np.ndarray:
     """log(p) / h, rad/s; raises Diverged where a pole sits on the closed negative real axis."""
-    on_cut = (np.abs(p.imag) <= 1e-12 * np.abs(p)) & (p.real <= 0)
+    on_cut = (np.abs(np.imag(p)) <= 1e-12 * np.abs(p)) & (np.real(p) <= 0)
     if on_cut.any():
         raise Diverged(
             f"a discrete pole at {p[on_cut][0].real:.4g} has no real continuous-time counterpart "

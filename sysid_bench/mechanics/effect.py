@@ -11,7 +11,7 @@ An effect file holds one frozen dataclass: its fields are `dof` and its paramete
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from types import SimpleNamespace
@@ -176,7 +176,33 @@ class Effect:
 
     def law(self, at: At, p: SimpleNamespace) -> tuple[Any, list[Any]]:
         """Force and next states, CasADi expressions. p holds the parameters by name."""
-        raise NotImplementedError(f"{self.name} has no force law (path {self.path}).")
+        raise self._lacks("law")
+
+    def augment(self, M: Array, D: Array, K: Array, c: Array) -> tuple[Array, Array, Array]:
+        """M, D, K (n', n'), n' >= n: the structure with the effect built in; c (n,) as in `direction`."""
+        raise self._lacks("augment")
+
+    def act(self, stages: Array, h: float, channels: list[int], memory: Any) -> tuple[Array, Any]:
+        """What the stage values (S, 3, nu) become in `channels`, h s per small step; memory: None at the start."""
+        raise self._lacks("act")
+
+    def sense(self, y: Array, t: Array, channels: list[int]) -> Array:
+        """What the measurement y (N, ny) at t (N,) s becomes in `channels`."""
+        raise self._lacks("sense")
+
+    def _lacks(self, method: str) -> InputError:
+        return InputError(f"an effect of path {self.path} needs a method {method}; {self.name} has none.")
+
+
+def as_effects(terms: Iterable[Any]) -> tuple[Effect, ...]:
+    """A model's effects as what can be simulated. Raises InputError for what is no subclass of Effect."""
+    found = tuple(terms)
+    for term in found:
+        if not isinstance(term, Effect):
+            raise InputError(
+                f"effects must be of subclasses of sysid_bench.mechanics.effect.Effect; got {term!r:.60}."
+            )
+    return found
 
 
 def direction(dof: int | tuple[int, int] | None, n: int) -> Array:

@@ -76,9 +76,7 @@ def problem_of(
     if (definite or proportional) and not free.all():
         wish = "definite: true" if definite else "damping: proportional"
         raise InputError(f"{wish} is for matrices with all entries free; leave out the free masks.")
-    known = (
-        pack(model.mass, model.damping, model.stiffness) if model.has_values else np.zeros(ntheta(model.n))
-    )
+    known = pack(*model.matrices) if model.has_values else np.zeros(ntheta(model.n))
     maps = Maps(model.input_map, model.output_map, POWER[model.output])
     guess = known if nominal and model.has_values else None
     return Problem(tuple(records), maps, free, known, guess, noise, definite, proportional)

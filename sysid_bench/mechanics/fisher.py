@@ -55,8 +55,6 @@ def crlb(
     (zero unless the record says otherwise); free (ntheta,): entries of theta that are unknown, all where None.
     Raises InputError for a record without a hold, LinAlgError where theta is not identifiable from the record.
     """
-    if record.hold is None:
-        raise InputError("a bound needs to know how the input runs between samples; this record has no hold.")
     information = information_matrix(plant, record, variance, x0)
     count = ntheta(plant.n)
     unknown = np.ones(count, dtype=bool) if free is None else np.asarray(free, dtype=bool)
@@ -71,12 +69,13 @@ def crlb(
 def information_matrix(
     plant: Plant | Model, record: Record, variance: Array, x0: Array | None = None
 ) -> Array:
-    """Fisher information (np, np) of p = (theta, x0), per channel variance (ny,); x0 as in crlb."""
+    """Fisher information (np, np) of p = (theta, x0), per channel variance (ny,); x0 as in crlb. Raises InputError without a hold."""
     good = None if record.quality is None else record.quality == 0
     weights = 1 / np.asarray(variance, dtype=float)
-    parts = (plant.mass, plant.damping, plant.stiffness, plant.input_map, plant.output_map, plant.output)
-    signal = {"u": record.u, "h": record.h, "hold": record.hold, "period": record.period}
-    found = sensitivity(*parts, **signal, x0=x0)
+    if record.hold is None:
+        raise InputError("a bound needs to know how the input runs between samples; this record has no hold.")
+    parts = (*plant.matrices, plant.input_map, plant.output_map, plant.output)
+    found = sensitivity(*parts, record.u, record.h, record.hold, x0, record.period)
     information, shadow = found.normal(record.y - found.y if x0 is None else None, weights, good)
     if x0 is not None:
         return information
@@ -107,16 +106,16 @@ def inverse_information(information: Array) -> Array:
 
 def bound_of(plant: Plant | Model, covariance: Array) -> Bound:
     """A covariance of theta (ntheta, ntheta) -> relative rms errors of the matrices and poles, by delta method."""
-    M, D, K = plant.mass, plant.damping, plant.stiffness
+    M, D, K = plant.matrices
     per_matrix, twice = ntheta(plant.n) // 3, np.array([1.0 if i == j else 2.0 for i, j in pairs(plant.n)])
     parts = np.diag(covariance).reshape(3, per_matrix) @ twice
-    relative = [_relative(square, X) for square, X in zip(parts, (M, D, K))]
+    of_M, of_D, of_K = (_relative(square, X) for square, X in zip(parts, (M, D, K)))
     slopes, lam, pole_slopes = derivatives(M, D, K)
     flat = slopes.reshape(len(slopes), -1)
     of_A = np.einsum("pa,pq,qa->", flat, covariance, flat, optimize=True)
     of_poles = np.einsum("pk,pq,qk->k", pole_slopes, covariance, pole_slopes.conj(), optimize=True).real
     A = _relative(of_A, companion(M, D, K))
-    return Bound(*relative, A, _relative(of_poles.sum(), lam), covariance, np.sqrt(of_poles))
+    return Bound(of_M, of_D, of_K, A, _relative(of_poles.sum(), lam), covariance, np.sqrt(of_poles))
 
 
 def derivatives(M: Array, D: Array, K: Array) -> tuple[Array, Complex, Complex]:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.second_order import unpack
-from sysid_bench.nouns import Array, Diverged
-
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Array, Complex, Diverged
 
 
 def match(omega: Array, G: Complex) -> tuple[Array, Array, Array]:

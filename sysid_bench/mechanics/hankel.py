@@ -50,7 +50,7 @@ def triangular_factor(z: Array, order: Array, s: int, gram: Array | None = None)
     gram = hankel_gram(z, s) if gram is None else gram
     R = safe_cholesky(gram[np.ix_(order, order)])
     if R is None:
-        R = np.linalg.qr(hankel(z, s)[order].T, mode="r").T
+        R = np.transpose(np.linalg.qr(hankel(z, s)[order].T, mode="r"))
     return R
 
 

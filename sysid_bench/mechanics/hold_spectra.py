@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics.rules import rule
-from sysid_bench.nouns import Array, InputError, NotApplicable
-
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Array, Complex, InputError, NotApplicable
 
 
 def drives(u: Array, hold: str) -> Array:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import schur
 from scipy.signal import lfilter
 
 from sysid_bench.mechanics.bandlimited import input_lines, steady_state
 from sysid_bench.mechanics.rules import rule
-from sysid_bench.nouns import Array
-
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Array, Complex
 
 
 def recursion(Ad: Array, forcing: Array, x0: Array) -> Array:

@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
 from sysid_bench.mechanics.hold_spectra import drives
-from sysid_bench.nouns import Array, NotApplicable
+from sysid_bench.nouns import Array, Complex, NotApplicable
 
-Complex = NDArray[np.complex128]
 MARGIN = 1.2  # the band ends this much above the last bin in which the response is seen
 SIGNIFICANCE = 8.0  # standard deviations above the noise floor
 FLOOR_BLOCKS = 12  # about
@@ -75,7 +73,7 @@ def with_hold(data: Spectra, hold: str) -> Spectra:
 def observations(weight: Array) -> int:
     """Real numbers in the bins: two each, one at zero frequency and at Nyquist."""
     single = np.count_nonzero(weight < 0.9 * weight.max())
-    return 2 * len(weight) - single
+    return 2 * len(weight) - int(single)
 
 
 def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
@@ -111,14 +109,15 @@ def band_edge(data: Spectra) -> int:
     for _ in range(2):
         edge = _edge(data.Y, floor, width)
         width = int(np.clip(edge // 6, SMOOTH, 4 * SMOOTH))
-        floor = power_above(data, edge, floor)
+        above = power_above(data, edge)
+        floor = floor if above is None else above
     return edge
 
 
-def power_above(data: Spectra, edge: int, otherwise: Array | None = None) -> Array | None:
-    """Mean power of the bins above the band (ny,): the noise's, where enough of them are left."""
+def power_above(data: Spectra, edge: int) -> Array | None:
+    """Mean power of the bins above the band (ny,): the noise's; None where too few of them are left."""
     F = len(data.omega)
-    return (np.abs(data.Y[edge:-1]) ** 2).mean(axis=0) if F - edge > max(F // 8, 64) else otherwise
+    return (np.abs(data.Y[edge:-1]) ** 2).mean(axis=0) if F - edge > max(F // 8, 64) else None
 
 
 def _edge(Y: Complex, floor: Array, width: int) -> int:

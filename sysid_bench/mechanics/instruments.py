@@ -39,8 +39,8 @@ class InverseFilter:
         """(N, ny, na ny): outputs for each initial state of the filter."""
         powers = self.p[None, :] ** np.arange(N)[:, None]
         responses = powers[:, None, :] * self.shapes
-        real = self.p.imag == 0
-        return np.concatenate([responses.real, responses.imag[:, :, ~real]], axis=2)
+        real = np.imag(self.p) == 0
+        return np.concatenate([np.real(responses), np.imag(responses)[:, :, ~real]], axis=2)
 
     def output(self, V: Array) -> Array:
         """A(q)^-1 V for V (N, ny)."""
@@ -53,8 +53,8 @@ def inverse_filter(equation: DifferenceEquation) -> InverseFilter:
     p, V = separated_eig(equation.companion)
     p = np.where(np.abs(p) < 1, p, 1 / np.where(p == 0, 1, p).conj())
     shapes, rows = equation.companion[:ny] @ V, np.linalg.inv(V)[:, :ny]
-    half = np.flatnonzero(p.imag >= 0)
-    weight = np.where(p[half].imag > 0, 2.0, 1.0)
+    half = np.flatnonzero(np.imag(p) >= 0)
+    weight = np.where(np.imag(p[half]) > 0, 2.0, 1.0)
     residues = weight[:, None, None] * rows[half][:, :, None] * shapes.T[half][:, None, :]
     T = [np.eye(ny), *(part for R in residues for part in (R.real, -R.imag))]
     return InverseFilter(p[half], shapes[:, half], np.array(T))
@@ -63,7 +63,8 @@ def inverse_filter(equation: DifferenceEquation) -> InverseFilter:
 def delayed_inputs(equation: DifferenceEquation, u: Array) -> Array:
     """B(q) u (N, ny)."""
     N, nu = u.shape
-    return sum(np.vstack([np.zeros((j, nu)), u[: N - j]]) @ b.T for j, b in enumerate(equation.b))
+    parts = (np.vstack([np.zeros((j, nu)), u[: N - j]]) @ b.T for j, b in enumerate(equation.b))
+    return sum(parts, np.zeros(()))
 
 
 def instruments(

@@ -66,7 +66,8 @@ def closed_form(m: float, c: float, k: float, T: float) -> Coefficients:
 
 def exact(m: float, c: float, k: float, T: float) -> Coefficients:
     """The same coefficients from the matrix exponential."""
-    return zoh_coefficients(*(np.array([[x]]) for x in (m, c, k)), np.eye(1), np.eye(1), T)
+    M, D, K = (np.array([[x]]) for x in (m, c, k))
+    return zoh_coefficients(M, D, K, np.eye(1), np.eye(1), T)
 
 
 @dataclass(frozen=True)

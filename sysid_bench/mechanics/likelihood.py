@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
 from sysid_bench.mechanics import normal_equations as ne
@@ -28,9 +27,8 @@ from sysid_bench.mechanics.response import (
     transient,
 )
 from sysid_bench.mechanics.second_order import unpack
-from sysid_bench.nouns import Array, Diverged
+from sysid_bench.nouns import Array, Complex, Diverged
 
-Complex = NDArray[np.complex128]
 IMAGES = (0, -1, 1)
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
 LIMIT = 120
@@ -108,7 +106,7 @@ def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
         transient(modes, data, bins),
         output_modes(modes, run.maps),
     )
-    gram = (np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse).real
+    gram = np.real(np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse)
     start = np.zeros(2 * modes.n, dtype=complex)
     for _ in range(1 if data.mask is None else 4):  # with gaps the gram is that of the complete record
         R = _residual(data, Y + (free * start) @ c.T)[:F]
@@ -135,7 +133,7 @@ def _solve_scaled(H: Array, g: Array) -> Array:
 def information_and_gradient(point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
     """H (ntheta, ntheta), g of the log-likelihood, the free motions eliminated."""
     parts = [_normal(point.modes, run, fit) for run, fit in zip(runs, point.runs)]
-    return sum(H for H, _ in parts), sum(g for _, g in parts)
+    return sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
 
 
 def _normal(modes: Modes, run: Run, fit: Fitted) -> tuple[Array, Array]:

@@ -7,15 +7,13 @@ frequency; the known power of white noise is taken out of the normal matrix, so 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.hold_spectra import hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra
 from sysid_bench.mechanics.response import Maps
-from sysid_bench.nouns import Array, NotApplicable
+from sysid_bench.nouns import Array, Complex, NotApplicable
 
-Complex = NDArray[np.complex128]
 FILTER_DAMPING = 1.4
 
 

@@ -26,9 +26,7 @@ from sysid_bench.mechanics.holds import free_response, propagate
 from sysid_bench.mechanics.phi import divided_difference
 from sysid_bench.mechanics.rules import Rule, rule
 from sysid_bench.mechanics.second_order import Modes, input_matrix, modes, state_space
-from sysid_bench.nouns import Array
-
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Array, Complex
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +57,12 @@ class Sensitivity:
         """
         basis = self.basis if good is None else self.basis[:, good]
         gram = basis @ basis.T
-        hessian = sum(w * (T.T @ (gram @ T)) for w, T in zip(weights, self.maps))
+        hessian = sum((w * (T.T @ (gram @ T)) for w, T in zip(weights, self.maps)), np.zeros(()))
         if residual is None:
             return hessian, np.zeros(len(hessian))
         shadow = basis @ (residual if good is None else residual[good])
-        return hessian, sum(w * (T.T @ column) for w, T, column in zip(weights, self.maps, shadow.T))
+        parts = (w * (T.T @ column) for w, T, column in zip(weights, self.maps, shadow.T))
+        return hessian, sum(parts, np.zeros(()))
 
 
 class _System(NamedTuple):
@@ -205,7 +204,9 @@ def _maps(system: _System, modal: Modes, x0: Array) -> Array:
         blocks[4 + a][:, j, a, :, j] += system.direct
     state = np.zeros((ny, sum(rows), 2 * n))
     of_state = readout[:, :, None] * modal.W
-    state[:, 2 * nm * n : 2 * nm * n + 2 * nm] = np.concatenate([of_state.real, -of_state.imag], axis=1)
+    state[:, 2 * nm * n : 2 * nm * n + 2 * nm] = np.concatenate(
+        [np.real(of_state), -np.imag(of_state)], axis=1
+    )
     return np.concatenate([-_symmetric(full), state], axis=2)
 
 

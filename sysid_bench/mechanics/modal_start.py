@@ -7,7 +7,6 @@ the record's own hold; shapes from sensors and forces together, scaled where bot
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics.conversion import continuous_poles
 from sysid_bench.mechanics.decimation import decimate, decimation_factor
@@ -17,9 +16,7 @@ from sysid_bench.mechanics.refined_iv import definite
 from sysid_bench.mechanics.response import Maps
 from sysid_bench.mechanics.second_order import pack
 from sysid_bench.mechanics.subspace import HalfModes, check_sizes, default_horizon, identify_modes
-from sysid_bench.nouns import Array, Diverged, NotApplicable
-
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Array, Complex, Diverged, NotApplicable
 
 
 def modal_start(data: Spectra, maps: Maps, F: int, per_period: float = 8.0) -> Array:
@@ -103,11 +100,11 @@ def _shape(R: Complex, maps: Maps, pole: complex) -> Complex:
 def _matrices(poles: Complex, shapes: Complex) -> Array:
     """M = (Phi Lam Phi')^-1, K = -(Phi Lam^-1 Phi')^-1, D = -M Phi Lam^2 Phi' M."""
     try:
-        M = np.linalg.inv(((shapes * poles) @ shapes.T).real)
+        M = np.linalg.inv(np.real((shapes * poles) @ shapes.T))
         K = -np.linalg.inv(((shapes / poles) @ shapes.T).real)
     except np.linalg.LinAlgError:
         raise Diverged("the modes found do not span the degrees of freedom.") from None
-    D = -M @ ((shapes * poles**2) @ shapes.T).real @ M
+    D = -M @ np.real((shapes * poles**2) @ shapes.T) @ M
     if not all(np.all(np.isfinite(X)) for X in (M, D, K)):
         raise Diverged("the modes found do not make a mechanical system.")
     return pack(*(definite((X + X.T) / 2) for X in (M, D, K)))

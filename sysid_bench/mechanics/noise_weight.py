@@ -7,12 +7,10 @@ spectrum per channel. All are inverses, so that the information is the real part
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from sysid_bench.nouns import Array
+from sysid_bench.nouns import Array, Complex
 
-Complex = NDArray[np.complex128]
 TINY = 1e-300
 BEST_RATIO = 1e-8  # noise to signal, 80 dB: a better sensor counts as that good, or as the worst one
 
@@ -30,7 +28,8 @@ def modal_gram(d: Complex, c: Complex, W: Array) -> Complex:
         return (np.conj(d).T @ d) * (np.conj(c).T @ W[0] @ c)
     if len(W) == 1:
         return (np.conj(d).T @ d) * ((np.conj(c).T * W[0]) @ c)
-    return sum((np.conj(d).T * W[:, i]) @ d * np.outer(np.conj(c[i]), c[i]) for i in range(len(c)))
+    parts = ((np.conj(d).T * W[:, i]) @ d * np.outer(np.conj(c[i]), c[i]) for i in range(len(c)))
+    return sum(parts, np.zeros(()))
 
 
 def variances(R: Complex, power: Array, count: float) -> tuple[Array, Array]:
@@ -46,7 +45,7 @@ def variances(R: Complex, power: Array, count: float) -> tuple[Array, Array]:
 
 def covariance(R: Complex, count: float) -> Array:
     """(ny, ny) real noise covariance from residuals."""
-    S = (np.conj(R).T @ R).real / count
+    S = np.real(np.conj(R).T @ R) / count
     return S + 1e-14 * np.trace(S) / len(S) * np.eye(len(S)) + TINY * np.eye(len(S))
 
 
@@ -64,7 +63,7 @@ def estimated(R: Complex, power: Array, count: float, kind: str) -> tuple[Array,
 
 def given(R: Complex, W: Array) -> float:
     """Negative log-likelihood of residuals under a known weight."""
-    return 0.5 * float((np.conj(R) * weigh(W, R)).real.sum())
+    return 0.5 * float(np.real(np.conj(R) * weigh(W, R)).sum())
 
 
 def noise_spectrum(R: Complex, weight: Array, width: int | None = None) -> Array:

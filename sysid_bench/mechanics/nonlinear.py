@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from sysid_bench.mechanics import stepping
-from sysid_bench.mechanics.effect import Effect, direction, law_tapes
+from sysid_bench.mechanics.effect import Effect, as_effects, direction, law_tapes
 from sysid_bench.mechanics.stages import stage_values
 from sysid_bench.mechanics.tape import join
 from sysid_bench.nouns import Array, Diverged, Model, Plant
@@ -53,9 +53,9 @@ class Assembly:
 
 def assemble(model: Model | Plant) -> Assembly:
     """Sort the effects by path; effects of the structure are built into M, D, K."""
-    M, D, K, n_own = model.mass, model.damping, model.stiffness, len(model.mass)
+    (M, D, K), n_own = model.matrices, model.n
     by_path: dict[str, list[Effect]] = {}
-    for effect in model.effects:
+    for effect in as_effects(model.effects):
         by_path.setdefault(effect.path, []).append(effect)
     for effect in by_path.get("structure", []):
         c = np.pad(direction(effect.dof, n_own), (0, len(M) - n_own))
@@ -289,12 +289,15 @@ def simulate(
 
 @dataclass
 class Stepper:
-    """One sample at a time, for an emulated rig: `step(u)` holds u (nu,) for h seconds and returns y (ny,) after it."""
+    """One sample at a time, for an emulated rig: `step(u)` holds u (nu,) for h seconds and returns y (ny,) after it.
+
+    x (2 n,): q and q' now; at rest at zero where none is given.
+    """
 
     plant: Plant
     h: float
     substeps: int = 8
-    x: Array = field(default=None)
+    x: Array = field(default_factory=lambda: np.zeros(0))
     t: float = 0.0
 
     def __post_init__(self) -> None:
@@ -302,7 +305,7 @@ class Stepper:
         self._small = self.h / self.substeps
         self._step, self._laws = exact_step(A.M, A.D, A.K, self._small), laws_of(A.forces)
         self._arms = A.directions @ self._step.falling.T, A.directions @ self._step.rising.T
-        self.x = np.zeros(2 * A.n) if self.x is None else hidden_start(A, self.x)
+        self.x = hidden_start(A, self.x) if len(self.x) else np.zeros(2 * A.n)
         self._z = initial_states(A.forces, A.directions, self.x[: A.n])
         self._memory: list = [None] * len(A.actuators)
 

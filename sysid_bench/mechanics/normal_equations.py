@@ -12,12 +12,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from sysid_bench.nouns import Array
+from sysid_bench.nouns import Array, Complex
 
-Complex = NDArray[np.complex128]
 POWERS = (2, 1, 0)  # of s, for M, D, K
 
 
@@ -130,7 +128,7 @@ def gradient(s: Complex, back: Complex, q: Complex) -> Array:
 def _symmetric(Z: Complex) -> Array:
     """vech of -(Z + Z^T), the diagonal once; Z[j, i]."""
     i, j = upper(len(Z))
-    return -np.where(i == j, Z[j, i].real, (Z[j, i] + Z[i, j]).real)
+    return -np.where(i == j, np.real(Z[j, i]), np.real(Z[j, i] + Z[i, j]))
 
 
 def cross(s: Complex, q: Complex, back: Complex) -> Complex:

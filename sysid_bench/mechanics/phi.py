@@ -7,9 +7,9 @@ from functools import lru_cache
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
 
-Complex = NDArray[np.complex128]
+from sysid_bench.nouns import Complex
+
 TERMS = 30
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -34,7 +34,7 @@ def _series(z: Complex, highest: int) -> list[Complex]:
     """Taylor for the highest, then downwards, which loses nothing for small z."""
     powers = np.ones((*z.shape, TERMS), dtype=complex)
     powers[..., 1:] = z[..., None]
-    values = [np.cumprod(powers, axis=-1) @ _reciprocals(highest)]
+    values: list[Complex] = [np.cumprod(powers, axis=-1) @ _reciprocals(highest)]
     for p in reversed(range(highest)):
         values.append(values[-1] * z + 1 / factorial(p))
     return values[::-1]

@@ -60,12 +60,12 @@ def mass_from(model: Model, inertance: Array) -> Array:
 
 
 def _symmetric(X: np.ndarray) -> Array:
-    return (X + X.T).real / 2
+    return np.real(X + X.T) / 2
 
 
 def _direct(lam: np.ndarray, shapes: np.ndarray, b: np.ndarray, model: Model) -> Matrices:
     n = model.n
-    M = mass_from(model, ((shapes * lam) @ b).real)  # C A B = M^-1 L
+    M = mass_from(model, np.real((shapes * lam) @ b))  # C A B = M^-1 L
     observability = np.vstack([shapes, shapes * lam])
     KD = -M @ np.linalg.solve(observability.T, (shapes * lam**2).T).T
     return _symmetric(M), _symmetric(KD[:, n:]), _symmetric(KD[:, :n])

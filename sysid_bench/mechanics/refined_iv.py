@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.hold_spectra import hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra
 from sysid_bench.mechanics.response import Maps
 from sysid_bench.mechanics.second_order import unpack
-from sysid_bench.nouns import Array, Diverged
+from sysid_bench.nouns import Array, Complex, Diverged
 
-Complex = NDArray[np.complex128]
 FLOOR = (
     0.02  # of the largest eigenvalue: what the filter's matrices are kept above, or the first step overflows
 )
@@ -59,8 +57,8 @@ def _model_motion(part: _Filtered, W: Array) -> Complex:
     forced = (part.G @ part.drive[:, :, None])[:, :, 0]
     T = part.ends * np.sqrt(W)[:, None]
     r = (part.Q - forced) * np.sqrt(W)
-    A = (np.conj(T).reshape(-1, T.shape[2]).T @ T.reshape(-1, T.shape[2])).real
-    b = (np.conj(T).reshape(-1, T.shape[2]).T @ r.ravel()).real
+    A = np.real(np.conj(T).reshape(-1, T.shape[2]).T @ T.reshape(-1, T.shape[2]))
+    b = np.real(np.conj(T).reshape(-1, T.shape[2]).T @ r.ravel())
     return forced + part.ends @ np.linalg.lstsq(A, b, rcond=1e-12)[0]
 
 

@@ -10,14 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
 from sysid_bench.mechanics.hold_spectra import discrete_modes, hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra
-from sysid_bench.nouns import Array, Diverged
+from sysid_bench.nouns import Array, Complex, Diverged
 
-Complex = NDArray[np.complex128]
 POWER = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
@@ -75,7 +73,7 @@ def output_modes(modes: Modes, maps: Maps) -> Complex:
 def forced(modes: Modes, maps: Maps, data: Spectra, F: int) -> Complex:
     """Exact spectrum (F, ny) of the sampled response, up to the transient of `transient`."""
     inputs = (modes.left @ maps.L).T
-    if data.hold == "bandlimited":
+    if data.drive is None:
         return _steady(modes, maps, data, inputs)[:F]
     discrete, weights = discrete_modes(modes.poles, data.h, data.hold)
     z = np.exp(1j * data.omega[:F] * data.h)

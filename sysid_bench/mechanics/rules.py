@@ -15,14 +15,12 @@ from functools import partial
 from math import factorial, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from sysid_bench.mechanics.phi import phi
-from sysid_bench.nouns import Array, InputError
+from sysid_bench.nouns import Array, Complex, InputError
 
-Complex = NDArray[np.complex128]
 STAGE = sqrt(3) / 6  # the Gauss points are 1/2 -+ STAGE of the step
 
 
@@ -122,9 +120,13 @@ def _gauss_slopes(z: Complex) -> Complex:
 
 
 def _exact(name: str, degree: int, coefficients: Callable[[Array], Array]) -> Rule:
-    parts = (exponential_step, exponential_functions, exponential_slopes)
-    step, functions, slopes = (partial(part, degree=degree) for part in parts)
-    return Rule(name, step, coefficients, functions, slopes)
+    return Rule(
+        name,
+        partial(exponential_step, degree=degree),
+        coefficients,
+        partial(exponential_functions, degree=degree),
+        partial(exponential_slopes, degree=degree),
+    )
 
 
 RULES = {

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from sysid_bench.nouns import OUTPUTS, Array, InputError, Model
+from sysid_bench.nouns import OUTPUTS, Array, Complex, InputError, Model
 
-Complex = NDArray[np.complex128]
 # Eigenvectors conditioned worse than this (rows equilibrated) count as defective: critical damping, rigid body.
 # Sensitivities lose the square of it: 1e4 leaves 1e-8.
 DEFECTIVE_CONDITION = 1e4
@@ -140,6 +139,6 @@ def modes(A: Array) -> Modes:
     equilibrated = V / np.maximum(np.linalg.norm(V, axis=1, keepdims=True), np.finfo(float).tiny)
     condition = float(np.linalg.cond(equilibrated))
     W = np.linalg.inv(V) if condition < DEFECTIVE_CONDITION else np.full_like(V, np.nan)
-    half = lam.imag >= 0
-    weight = np.where(lam[half].imag > 0, 2.0, 1.0)
+    half = np.imag(lam) >= 0
+    weight = np.where(np.imag(lam[half]) > 0, 2.0, 1.0)
     return Modes(lam[half], V[:, half], W[half], weight, condition)

@@ -15,11 +15,7 @@ MOST_STEPS = 1_000_000
 
 def continuous(model: Model | Plant) -> tuple[Array, Array, Array, Array]:
     """(A, B, C, D) of a model's values. Raises InputError where it has none."""
-    if model.mass is None:
-        raise InputError("a simulation needs mass, damping and stiffness; this model has no values.")
-    return state_space(
-        model.mass, model.damping, model.stiffness, model.input_map, model.output_map, model.output
-    )
+    return state_space(*model.matrices, model.input_map, model.output_map, model.output)
 
 
 def simulate(
@@ -86,11 +82,12 @@ def steps_within(long_s: float, short_s: float, short_name: str, long_name: str)
 
 def equilibrium(model: Model | Plant, u0: Array) -> Array:
     """x0 = [q; 0] at which u0 (nu,) holds the model at rest. Raises InputError for a singular stiffness."""
-    if np.linalg.matrix_rank(model.stiffness) < model.n:
+    _, _, K = model.matrices
+    if np.linalg.matrix_rank(K) < model.n:
         raise InputError(
             "an equilibrium needs a regular stiffness; this plant can move freely as a rigid body."
         )
-    return np.concatenate([np.linalg.solve(model.stiffness, model.input_map @ u0), np.zeros(model.n)])
+    return np.concatenate([np.linalg.solve(K, model.input_map @ u0), np.zeros(model.n)])
 
 
 def response(model: Model | Plant, signal: Signal, h: float, x0: Array | None = None) -> Array:

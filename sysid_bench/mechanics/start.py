@@ -51,7 +51,7 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
     Raises NotApplicable where not every degree of freedom has its own sensor.
     """
     parts = [equation_error_normal(run.data, run.maps, run.F) for run in runs]
-    H, g = sum(H for H, _ in parts), sum(g for _, g in parts)
+    H, g = sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
     theta = np.array(known, dtype=float)
     right = g[free] - H[np.ix_(free, ~free)] @ theta[~free]
     d = np.sqrt(np.maximum(np.diag(H)[free], 1e-300))

@@ -52,8 +52,8 @@ def half_modes(A: Array, C: Array) -> HalfModes:
     p, V = separated_eig(A)
     outside = np.abs(p) >= 1
     p = np.where(outside, 1 / np.where(outside, p, 1).conj(), p).astype(complex)
-    real = np.abs(p.imag) <= REAL_POLE * np.abs(p)
-    keep = (p.imag > 0) | real
+    real = np.abs(np.imag(p)) <= REAL_POLE * np.abs(p)
+    keep = (np.imag(p) > 0) | real
     c = C @ V.astype(complex)
     c = c / c[np.abs(c).argmax(axis=0), np.arange(c.shape[1])]
     return HalfModes(p[keep], c[:, keep], np.where(real[keep], 1.0, 2.0), int(outside.sum()))
@@ -188,7 +188,7 @@ def fit_inputs(
     xi = modal_states(modes, u, drives).reshape(len(y), -1)
     if keep is not None:
         xi, u, y = xi[keep], u[keep], y[keep]
-    columns, target = np.hstack([xi.real, xi.imag]), y
+    columns, target = np.hstack([np.real(xi), np.imag(xi)]), y
     if feedthrough:  # by projecting u out of everything (Frisch-Waugh)
         through = np.linalg.lstsq(u, np.hstack([columns, y]), rcond=None)[0]
         columns, target = columns - u @ through[:, : -y.shape[1]], y - u @ through[:, -y.shape[1] :]
@@ -198,7 +198,7 @@ def fit_inputs(
     g = gradient(modes, products[:half] + 1j * products[half:], q)
     beta = solve_rows(modes, normal, g[None], q)[0]
     coefficients = (np.repeat(modes.c * modes.weight, q, axis=1) * beta.ravel()).T
-    residual = y - xi.real @ coefficients.real + xi.imag @ coefficients.imag
+    residual = y - np.real(xi) @ np.real(coefficients) + np.imag(xi) @ np.imag(coefficients)
     Dd = np.linalg.lstsq(u, residual, rcond=None)[0] if feedthrough else None
     if Dd is not None:
         residual = residual - u @ Dd

@@ -118,11 +118,11 @@ def _row_moves(modes: HalfModes, fit: InputFit, parts: list[slice], changed: lis
     q, J, xi = fit.beta.shape[1], len(parts), fit.xi
     z = np.einsum("tkj,kj->tk", xi.reshape(len(xi), -1, q), fit.beta)
     slope = np.stack([lfilter([0, 1.0], [1.0, -p], z[:, k]) for k, p in enumerate(modes.p)], axis=1)
-    real, imaginary = xi.T @ np.hstack([z.real, slope.real]), xi.T @ np.hstack([z.imag, slope.imag])
+    real, imaginary = (xi.T @ np.hstack([part(z), part(slope)]) for part in (np.real, np.imag))
     gradients = []
     for part, new in zip(parts, changed):
         score = xi[part].T @ fit.residual[part] * (J / (J - 1))
         dc = np.tile(modes.weight, 2) * np.hstack([new.c - modes.c, modes.c * (new.p - modes.p)])
-        shift = real @ dc.real.T - imaginary @ dc.imag.T
+        shift = real @ np.real(dc).T - imaginary @ np.imag(dc).T
         gradients.append(-gradient(modes, score + shift, q))
     return solve_rows(modes, fit.normal, np.array(gradients), q)

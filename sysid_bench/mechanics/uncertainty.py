@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sysid_bench.mechanics.second_order import companion, pole_order
-from sysid_bench.nouns import Array, Estimate
+from sysid_bench.nouns import Array, Complex, Estimate
 
-Complex = NDArray[np.complex128]
 REPEATED = 1e-6  # of a pole's size: closer poles have no first derivative of their own
 SAME_POLES = 1e-6
 
@@ -70,7 +68,7 @@ def modal_uncertainty(M: Array, D: Array, K: Array, covariance: Array) -> ModalU
     poles, slopes = poles[poles.imag >= 0], slopes[poles.imag >= 0]
     size = np.abs(poles)
     scale = np.where(size > 0, size, np.nan)  # a rigid body has no damping ratio
-    of_omega = (np.conj(poles)[:, None] * slopes).real / scale[:, None]
+    of_omega = np.real(np.conj(poles)[:, None] * slopes) / scale[:, None]
     zeta = np.divide(-poles.real, size, out=np.zeros_like(size), where=size > 0)
     of_zeta = -(slopes.real + zeta[:, None] * of_omega) / scale[:, None]
     of_zeta[poles.imag == 0] = 0.0  # one or minus one, whatever the entries

@@ -82,7 +82,7 @@ class VariationalGauss2:
         if self.start == "nominal":
             if model.mass is None or model.damping is None or model.stiffness is None:
                 raise NotApplicable("start=nominal wants a model with values of mass, damping and stiffness.")
-            return pack(model.mass, model.damping, model.stiffness)
+            return pack(*model.matrices)
         problem = problem_of([record], model, "diagonal", False, False)
         run = in_band_run(record, problem, "cubic")
         everything = np.ones_like(problem.free)

@@ -68,7 +68,7 @@ class VariationalPem:
         theta = pack(*self._start(record, model))
         fixed = ~free_mask(model)
         if fixed.any():
-            theta[fixed] = pack(model.mass, model.damping, model.stiffness)[fixed]
+            theta[fixed] = pack(*model.matrices)[fixed]
         p = np.concatenate([theta, np.zeros(2 * model.n)])
         found = minimise(search.on(p), p[search.live], self.max_iterations, self.tolerance)
         p[search.live] = found.point.p
@@ -78,7 +78,7 @@ class VariationalPem:
         if self.start == "nominal":
             if not model.has_values:
                 raise NotApplicable("start=nominal wants a model with values of mass, damping and stiffness.")
-            return model.mass, model.damping, model.stiffness
+            return model.matrices
         found = identify(record, self.horizon, 2 * model.n, 2 * model.n)
         return midpoint_start(found.discrete_form(), model, record.h)
 

@@ -16,8 +16,11 @@ AT = (2.0, 1.0, 3.0, 1.0)  # m kg, c N s/m, k N/m, T s
 
 
 def _kapucu_baysec(misprint: kapucu_baysec.Misprint) -> Misprint:
+    values = (misprint.printed, misprint.corrected, misprint.exact)
+
     def numbers() -> Numbers:
-        return misprint.printed(*AT), misprint.corrected(*AT), misprint.exact(*AT)
+        printed, corrected, exact = (value(*AT) for value in values if value is not None)
+        return printed, corrected, exact
 
     return Misprint(
         misprint.equation,
