@@ -30,7 +30,6 @@ def judge(answer: dict, truth: dict) -> dict[str, Any]:
         "linear_rho": answer.get("linear_rho", np.nan), "rho": answer.get("rho", np.nan), "cpu_s": answer["cpu_s"],
         "group": group(answer, truth),
         "verdict_right": answer["verdict"] == truth["verdict"],
-        "first_right": bool(named) and named[0][0] in names,
         "names_right": sorted(names) == sorted(spoken),
         "in_class": sorted(names) == sorted(spoken) or _in_class(answer, true),
         "f1": 2 * hits / max(len(names) + len(spoken), 1) if names else float(not named),

@@ -32,7 +32,7 @@ def share(rows: list[dict], key: str | Callable[[dict], bool]) -> str:
 
 
 COLUMNS = (
-    "trials", "verdict", "names", "first name", "names or class", "located", "F1", "wrong or false name", "unknown", "missed",
+    "trials", "verdict", "names", "names or class", "located", "F1", "wrong or false name", "unknown", "missed",
     "shrink of oracle's", "error over floor", "cpu s 1, 3, 8 DOF",
 )  # fmt: skip
 
@@ -47,7 +47,6 @@ def line(rows: list[dict]) -> list[str]:
         str(len(rows)),
         share(rows, "verdict_right"),
         share(rows, "names_right") if named else "",
-        share(rows, "first_right") if named else "",
         share(rows, "in_class") if named else "",
         share(rows, "located") if named else "",
         f"{np.mean([r['f1'] for r in rows]):.3f}" if named else "",
