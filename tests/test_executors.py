@@ -1,38 +1,13 @@
 """The executors: same rows, a dead or hanging worker costs one cell."""
 
-import json
-import os
-import signal
-import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from tasks import by_key, task, work
 
 from sysid_bench.executors.local import Local
 from sysid_bench.executors.serial import Serial
-from sysid_bench.nouns import Cell, InputError, Task
-
-
-def task(name: str, *behaviours: str) -> Task:
-    cells = tuple(Cell(f"{name}{k}", json.dumps(b), {"method": b}) for k, b in enumerate(behaviours))
-    return Task("study", "identify", {}, 1, 0, {}, cells, name)
-
-
-def work(task: Task) -> Iterator[dict[str, Any]]:
-    for cell in task.cells:
-        behaviour = json.loads(cell.solver)
-        if behaviour == "die":
-            os.kill(os.getpid(), signal.SIGSEGV)
-        if behaviour == "exit":
-            os._exit(3)
-        if behaviour == "hang":
-            time.sleep(60)
-        yield task.row(cell, status="ok", reason="")
-
-
-def by_key(rows: Any) -> dict[str, dict[str, Any]]:
-    return {row["key"]: row for row in rows}
+from sysid_bench.nouns import InputError
 
 
 def test_local_gives_the_rows_of_serial() -> None:
