@@ -56,8 +56,12 @@ def test_a_cell_that_vanishes_or_appears_is_worse() -> None:
     assert [c.verdict for c in compare_exact(rows(), reference()[:1], LABELS, 1e-6)] == ["worse"]
 
 
-def test_an_answer_in_place_of_a_refusal_is_better_only_where_it_is_sound() -> None:
-    refused = [row | {"status": "diverged", "D_error": ""} for row in reference()[:1]] + reference()[1:]
-    for error, verdict in ((0.6, "better"), (1.6, "worse")):
-        found = compare_exact(rows(D_error=error), refused, LABELS, rtol=1e-6)
-        assert [c.verdict for c in found] == [verdict]
+def test_an_answer_in_place_of_a_refusal_wants_a_look_and_one_in_place_of_an_error_is_better() -> None:
+    for before, verdict in (
+        ("diverged", "worse"),
+        ("not_applicable", "worse"),
+        ("error", "better"),
+        ("timeout", "better"),
+    ):
+        failed = [row | {"status": before} for row in reference()[:1]] + reference()[1:]
+        assert [c.verdict for c in compare_exact(rows(), failed, LABELS, rtol=1e-6)] == [verdict]

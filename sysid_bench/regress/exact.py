@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from sysid_bench.regress.reference import COMPARED, Change, name_of, nonsense, text_of, tolerable_errors
+from sysid_bench.regress.reference import COMPARED, Change, name_of, text_of
 
 SEVERITY = {"ok": 0, "not_applicable": 1, "diverged": 2, "timeout": 3, "error": 4}
+REFUSALS = ("not_applicable", "diverged")
 
 
 def compare_exact(
@@ -18,12 +19,12 @@ def compare_exact(
 ) -> list[Change]:
     """Cell by cell at the same seeds: the status, and each number to `rtol` relative (atol = 0).
 
-    A cell that the reference has and the table has not, or the other way round, is worse: a silent loss. So is
-    an answer in place of a refusal that is far worse than the method's answers on that plant are.
+    A cell that the reference has and the table has not, or the other way round, is worse: a silent loss. So is an
+    answer in place of an honest refusal (diverged, not_applicable): it may be a silent fallback, and only a person
+    can tell; the paired tier weighs it.
     """
     ours = {name_of(row, labels): row for row in rows}
     theirs = {name_of(row, labels): row for row in reference}
-    tolerable = _tolerable(theirs.values())
     changes = []
     for name in dict.fromkeys([*theirs, *ours]):
         cell = dict(zip(labels, name))
@@ -31,32 +32,18 @@ def compare_exact(
             there = ("present", "missing") if name not in ours else ("missing", "present")
             changes.append(Change("worse", "cell", *there, cell))
         elif theirs[name]["status"] != str(ours[name]["status"]):
-            changes.append(_status_change(ours[name], theirs[name], cell, tolerable[_family(theirs[name])]))
+            changes.append(_status_change(ours[name], theirs[name], cell))
         else:
             changes += _number_changes(ours[name], theirs[name], cell, rtol)
     return changes
 
 
-def _family(row: Mapping[str, Any]) -> tuple[Any, Any]:
-    return row.get("plant"), row.get("method")
-
-
-def _tolerable(reference: Iterable[Mapping[str, str]]) -> dict[tuple[Any, Any], dict[str, float]]:
-    families: dict[tuple[Any, Any], list[Mapping[str, str]]] = {}
-    for row in reference:
-        families.setdefault(_family(row), []).append(row)
-    return {family: tolerable_errors(rows) for family, rows in families.items()}
-
-
-def _status_change(
-    row: Mapping[str, Any],
-    reference: Mapping[str, str],
-    cell: Mapping[str, str],
-    tolerable: Mapping[str, float],
-) -> Change:
+def _status_change(row: Mapping[str, Any], reference: Mapping[str, str], cell: Mapping[str, str]) -> Change:
     before, now = reference["status"], str(row["status"])
-    if now == "ok" and (wrong := nonsense(row, tolerable)):
-        return Change("worse", "status", before, f"ok with {wrong}, where it refused", cell)
+    if now == "ok" and before in REFUSALS:
+        return Change(
+            "worse", "status", before, "ok: answers where it refused; accept=true if that is right", cell
+        )
     verdict = "better" if SEVERITY.get(now, 9) < SEVERITY.get(before, 9) else "worse"
     return Change(verdict, "status", before, f"{now} {row.get('reason') or ''}".strip(), cell)
 
