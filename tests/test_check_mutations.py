@@ -36,12 +36,15 @@ BIAS = {
     for letter in "MDK"
 }  # fmt: skip
 FALLBACK = {
-    "an unfinished search passes for a minimum": (
-        "variational_pem", "mechanics/levenberg.py", "    raise Diverged(f\"no minimum", "    return Minimum(point, iteration)\n    raise Diverged(f\"no minimum"),
+    "the start where the search found nothing": (
+        "variational_pem", "methods/variational_pem.py",
+        "        found = minimise(search.on(p), p[search.live], self.max_iterations, self.tolerance)\n",
+        "        try:\n            found = minimise(search.on(p), p[search.live], self.max_iterations, self.tolerance)\n"
+        "        except Diverged:\n            return Estimate(*unpack(theta, model.n))\n"),
     "the identity instead of a refusal": (
         "n4sid_d2c", "methods/n4sid.py",
-        "        M, D, K = project(found.continuous_form(), model, self.projection)\n",
-        "        try:\n            M, D, K = project(found.continuous_form(), model, self.projection)\n"
+        "        poles, space = found.continuous_form()[0], found.state_space()\n",
+        "        try:\n            poles, space = found.continuous_form()[0], found.state_space()\n"
         "        except Diverged:\n            return Estimate(*[np.eye(model.n)] * 3)\n"),
     "the start instead of the answer": (
         "mdk_srivc", "methods/mdk_srivc.py", "M, D, K = unpack(theta, model.n)", "M, D, K = unpack(start, model.n)"),

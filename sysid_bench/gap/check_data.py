@@ -157,7 +157,8 @@ def _dropped(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> li
 def _moving(y: Array) -> np.ndarray:
     """(N - 1,) True where the samples around change at all: a machine at rest repeats its rows and drops none."""
     step = np.abs(np.diff(y, axis=0))
-    around = np.column_stack([np.convolve(c, np.ones(11) / 11, "same") for c in step.T])
+    width = min(11, len(step))
+    around = np.column_stack([np.convolve(c, np.ones(width) / width, "same") for c in step.T])
     return np.any(around > 0.05 * np.sqrt(np.mean(step**2, axis=0)), axis=1)
 
 
