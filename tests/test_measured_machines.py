@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sysid_bench.gap.choose import Rules
+from sysid_bench.gap.story import Rules
 from sysid_bench.gap.workflow import find_gap
 
 STUDY = Path(__file__).parent.parent / "experiments" / "measured_machines"

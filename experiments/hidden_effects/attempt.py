@@ -13,8 +13,8 @@ import numpy as np
 from draw import Draw, Trial
 
 from sysid_bench.effects import effect_class
-from sysid_bench.gap.choose import best_start
-from sysid_bench.gap.problem import Fit, Problem, fit, free_parameters
+from sysid_bench.gap.contend import best_start
+from sysid_bench.gap.problem import Fit, Point, Problem, fit, free_parameters
 from sysid_bench.gap.prove import prove
 from sysid_bench.gap.show import deviations, rivals
 from sysid_bench.gap.workflow import Answer, find_gap
@@ -131,8 +131,8 @@ def oracle_gap(
         for (m, i, j), scale in zip(problem.entries, problem.scale)
     ]
     every = (*problem.model.effects, *missing)
-    best = best_start(problem, every, [np.array(theta)], problem.nominal().starts)
-    found = fit(problem, best, free_parameters(every), iterations=15) if best is not None else None
+    best = best_start(problem, [Point(np.array(theta), every, problem.nominal().starts)])
+    found = fit(problem, best[1], free_parameters(every), iterations=15) if best is not None else None
     return None if found is None else float(np.sqrt(np.mean([_gap(problem, found, r) ** 2 for r in test])))
 
 

@@ -31,4 +31,4 @@ class CoulombFriction(Effect):
 
     def law(self, at: At, p):
         sticking = 1e-3 * at.mobility * p.force
-        return p.force * ca.tanh(at.v / (p.speed + sticking)), []
+        return p.force * ca.tanh(at.v / (p.speed + sticking + 1e-300)), []

@@ -50,4 +50,4 @@ class StribeckFriction(Effect):
     def law(self, at: At, p):
         sticking = 1e-3 * at.mobility * (p.force + ca.fabs(p.static_force))
         level = p.force + (p.static_force - p.force) * ca.exp(-((at.v / p.stribeck_speed) ** 2))
-        return level * ca.tanh(at.v / (p.speed + sticking)), []
+        return level * ca.tanh(at.v / (p.speed + sticking + 1e-300)), []

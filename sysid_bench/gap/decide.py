@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_bench.gap.choose import DECOY_NAMES, Story
+from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.held_out import PRACTICAL
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import MATRICES, Fit, Problem
+from sysid_bench.gap.story import Story
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ class InputPower(Effect):
     def act(self, stages, h, channels, memory):
         stages = np.array(stages)
         u = stages[:, :, channels]
-        stages[:, :, channels] = u + self.square * (u * u - np.mean(u * u)) + self.cube * u**3
+        stages[:, :, channels] = u + self.square * (u * u - np.mean(u * u, axis=(0, 1))) + self.cube * u**3
         return stages, None
 
 

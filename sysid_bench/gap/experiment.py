@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.gap.choose import Contender
 from sysid_bench.gap.colour import Floor
+from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, run, shown
 from sysid_bench.gap.traces import Trace, banded
 from sysid_bench.gap.workflow import Answer

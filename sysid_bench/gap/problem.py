@@ -175,9 +175,10 @@ def hold_of(effects: tuple[Effect, ...], trace: Trace) -> str:
 
 def run(problem: Problem, trace: Trace, model: Model, x0: Array) -> Trajectory:
     """Free run of one model on one trace."""
-    substeps = substeps_for(model.effects, model.n)
+    held = trace.pull is not None  # only on the way to a free run: one step per sample will do
+    substeps = 1 if held else substeps_for(model.effects, model.n)
     stages = trace.stages(substeps, hold_of(model.effects, trace))
-    return trajectory(assemble(model), stages, trace.h, substeps, x0, trace.t0)
+    return trajectory(assemble(model), stages, trace.h, substeps, x0, trace.t0, trace.pulls(substeps))
 
 
 def shown(problem: Problem, trace: Trace, run: Trajectory) -> Array:
@@ -374,7 +375,8 @@ def fit(
             if problem.by_log(point.effects[e], p):
                 J_now[:, nt + k] *= point.effects[e].values[p]
         # J_now is d(simulated)/d(...): the rows are measured minus simulated, so H step = J' rows
-        H, g = J_now.T @ J_now, J_now.T @ rows
+        with np.errstate(over="ignore", invalid="ignore"):
+            H, g = J_now.T @ J_now, J_now.T @ rows
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             break  # the derivatives of an unstable motion leave every bound
         H[np.arange(nt), np.arange(nt)] += weight * prior**-2

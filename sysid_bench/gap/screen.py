@@ -7,7 +7,7 @@ effects already accepted; its score is the energy it explains beyond them, minus
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class Candidate:
     coefficients: Array
     theta: Array
     decoy: bool
+    origin: Effect | None = None  # before it was polished
     unit_energy: float = 0.0  # energy that its first unit form adds beyond M, D, K
 
     @property
@@ -50,6 +51,29 @@ class Screen:
     by_place: dict
     rows: int
     lefts: list[np.ndarray]
+    basis: Basis | None = None  # of a free run: what polishing and pairs go on from
+    seens: list[SeenMotion] = field(default_factory=list)
+    point: Point | None = None
+    shelves: list[Shelf] = field(default_factory=list)
+
+    def promise(self, explained: float) -> float:
+        """rho that is left where so much is explained."""
+        return max((self.left - explained) / self.rows, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Shelf:
+    """Columns that were judged together: A (rows, m) of unit norm, QA their share in the basis, groups of suspects.
+
+    grams: per group, the Gram matrix of its columns beyond the basis
+    """
+
+    A: Array
+    QA: Array
+    norms: Array
+    grams: list[Array]
+    groups: list
+    decoy: list[bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +89,8 @@ class Basis:
     theta0: Array
     ridge: int  # rows appended for the prior
     lefts: list[np.ndarray]  # per trace (F, ny): whitened spectrum of what is left
+    noise: float = 1.0  # rms of a row beyond all columns, at least 1: what the prior was weighed with
+    held: Array = field(default_factory=lambda: np.zeros(0))  # (ntheta,) its rows' entries, in units of norms
 
 
 def theta_columns(problem: Problem, s: SeenMotion) -> np.ndarray:
@@ -110,7 +136,7 @@ def _own_columns(problem: Problem, point: Point, s: SeenMotion) -> np.ndarray:
         if effect.path == "actuator" and effect.numeric:
             step = 0.02 * max(effect.values[0], 1e-9)
             columns.append(
-                _actuated_difference(problem, point, s, effect, effect.with_values(effect.values + step))
+                actuated_difference(problem, point, s, effect, effect.with_values(effect.values + step))
             )
     return (
         np.concatenate(columns, axis=2) if columns else np.zeros((s.trace.F, s.G.shape[1], 0), dtype=complex)
@@ -132,7 +158,7 @@ def _linear_output(s: SeenMotion) -> Array:
     return s.trace.y - s.trace.signal(s.left)
 
 
-def _actuated_difference(
+def actuated_difference(
     problem: Problem, point: Point, s: SeenMotion, old: Effect | None, new: Effect
 ) -> np.ndarray:
     """(F, ny, 1) change of the linear model's response when one actuator effect is replaced or added."""
@@ -184,7 +210,20 @@ def basis(problem: Problem, point: Point, seens: list[SeenMotion], prior_scale: 
         rows = t - f @ x[at : at + f.shape[1]] - z @ x[offset:]
         lefts.append((rows[: len(rows) // 2] + 1j * rows[len(rows) // 2 :]).reshape(s.trace.F, -1))
         at += f.shape[1]
-    return Basis(Q, R, norms, r - Q @ (Q.T @ r), r, offset, theta0, nt, lefts)
+    held = W / norms[offset : offset + nt]
+    return Basis(
+        Q,
+        R,
+        norms,
+        r - Q @ (Q.T @ r),
+        r,
+        offset,
+        theta0,
+        nt,
+        lefts,
+        float(noise),
+        held,
+    )
 
 
 def _placed(block: Array, blocks: list[Array], k: int) -> Array:
@@ -350,42 +389,73 @@ def screen(
             for place in sorted(by_place, key=lambda place: -by_place[place])[:half]
             if place not in worth
         ]
-    found: list[Candidate] = []
-    for place in worth:
-        found += _at_place(problem, fit.point, seens, b, catalogue, place)
-    found += _couplings(problem, seens, b) if any(k.name == "missing_coupling" for k in catalogue) else []
-    found += _on_the_input(problem, fit.point, seens, b, catalogue)
-    found += _on_the_sensors(problem, seens, b, catalogue)
+    shelves = [_at_place(problem, fit.point, seens, b, catalogue, place) for place in worth]
+    if any(k.name == "missing_coupling" for k in catalogue):
+        shelves.append(_couplings(problem, seens, b))
+    shelves.append(_on_the_input(problem, fit.point, seens, b, catalogue))
+    shelves.append(_on_the_sensors(problem, seens, b, catalogue))
+    shelves = [x for x in shelves if x is not None]
+    found = [x for one in shelves for x in _judge(problem, b, one)]
     found = [x for x in found if (x.effect.name, x.place) not in absent]
     found.sort(key=lambda x: -x.score)
-    return Screen(found, float(b.r @ b.r), by_place, len(b.r), b.lefts)
+    return Screen(found, float(b.r @ b.r), by_place, len(b.r), b.lefts, b, seens, fit.point, shelves)
+
+
+def _shelved(b: Basis, A: Array, groups: list, decoy: list[bool]) -> Shelf:
+    """Columns A (rows, m) made ready; groups: (first, last, make, price) of each suspect."""
+    A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
+    norms = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    A = A / norms
+    QA = b.Q.T @ A
+    grams = [_square(A[:, i:j]) - _square(QA[:, i:j]) for i, j, _, _ in groups]
+    return Shelf(A, QA, norms, grams, groups, decoy)
+
+
+def _square(A: Array) -> Array:
+    return A.T @ A
+
+
+def _judge(problem: Problem, b: Basis, shelf: Shelf, known: Array | None = None) -> list[Candidate]:
+    """Candidates of a shelf. known (rows, k): orthonormal, beyond the basis: what is explained already."""
+    r, KA = b.r, None
+    if known is not None:
+        KA = known.T @ shelf.A
+        r = r - known @ (known.T @ r)
+    target = shelf.A.T @ r
+    price, nt = np.log(len(b.r)), len(problem.entries)
+    solve, projected, QA = np.linalg.pinv(b.R, rcond=1e-9), b.Q.T @ b.target, shelf.QA
+    out = []
+    for (first, last, make, parameters), gram, is_decoy in zip(shelf.groups, shelf.grams, shelf.decoy):
+        S = gram + 1e-6 * np.eye(last - first)
+        if KA is not None:
+            S = S - _square(KA[:, first:last])
+        y = np.linalg.solve(S, target[first:last])
+        explained = float(2 * y @ target[first:last] - y @ S @ y)
+        if not np.isfinite(explained):
+            continue
+        c = y / shelf.norms[first:last]
+        effect = make(c)
+        if effect is None:
+            continue
+        x = solve @ (projected - QA[:, first:last] @ y) / b.norms
+        theta = np.clip(b.theta0 + x[b.offset : b.offset + nt], -0.95, 2.0)
+        unit = float(gram[0, 0] * shelf.norms[first] ** 2)
+        out.append(
+            Candidate(effect, explained, explained - parameters * price, c, theta, is_decoy, unit_energy=unit)
+        )
+    return out
 
 
 def judge(problem: Problem, b: Basis, A: Array, groups: list, decoy: list[bool]) -> list[Candidate]:
     """Candidates of the columns A (rows, m); groups: (first, last, make, price) of each suspect."""
-    A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
-    norms = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    A = A / norms
-    QA, target = b.Q.T @ A, A.T @ b.r
-    gram = A.T @ A - QA.T @ QA
-    price, nt = np.log(len(b.r)), len(problem.entries)
-    solve, projected = np.linalg.pinv(b.R, rcond=1e-9), b.Q.T @ b.target
-    out = []
-    for (first, last, make, parameters), is_decoy in zip(groups, decoy):
-        S = gram[first:last, first:last] + 1e-6 * np.eye(last - first)
-        y = np.linalg.solve(S, target[first:last])
-        explained = float(2 * y @ target[first:last] - y @ S @ y)
-        effect = make(y / norms[first:last])
-        if effect is None or not np.isfinite(explained):
-            continue
-        x = solve @ (projected - QA[:, first:last] @ y) / b.norms
-        theta = np.clip(b.theta0 + x[b.offset : b.offset + nt], -0.95, 2.0)
-        out.append(
-            Candidate(
-                effect, explained, explained - parameters * price, y / norms[first:last], theta, is_decoy
-            )
-        )
-    return out
+    return _judge(problem, b, _shelved(b, A, groups, decoy))
+
+
+def beside(problem: Problem, screened: Screen, columns: Array) -> list[Candidate]:
+    """All suspects again, best first, given that columns (rows, k), beyond the basis, explain what they can."""
+    known, _ = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+    found = [x for one in screened.shelves for x in _judge(problem, screened.basis, one, known)]
+    return sorted(found, key=lambda x: -x.score)
 
 
 def _stack(seens: list[SeenMotion], columns: list[np.ndarray]) -> Array:
@@ -452,14 +522,14 @@ def _follower(z: Array) -> Array:
     return np.clip(z - z[last], -0.6, 0.6)
 
 
-def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) -> list[Candidate]:
+def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) -> Shelf | None:
     n = problem.model.n
     c = direction(place, n)
     first = seens[0]
     force, residual = unexplained_force(problem, first, b.lefts[0])
     x_rms = float((first.q @ c).std())
     if x_rms == 0:
-        return []
+        return None
     low, high = frequency_range(problem.model, seens[0].trace)
     search = Search(problem, first, c, force, residual, low, high)
     size = sizes(problem, first, c, None, search)
@@ -488,7 +558,7 @@ def _at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place)
             groups.append((at, at + 1, make, 3))
             decoy.append(False)
             at += 1
-    return judge(problem, b, _stack(seens, blocks), groups, decoy)
+    return _shelved(b, _stack(seens, blocks), groups, decoy)
 
 
 def _not_here(name: str, place) -> bool:
@@ -505,13 +575,8 @@ def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
         for zeta, spacing in ((0.02, 1.035), (0.08, 1.1))
         for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
     ]
-    blocks = []
-    for s in seens:
-        w = s.trace.omega[:, None]
-        w0, zeta = np.array([g[0] for g in grid]), np.array([g[1] for g in grid])
-        H = -(w**2) * (w0**2 + 2j * zeta * w0 * w) / (w0**2 - w**2 + 2j * zeta * w0 * w)
-        X = s.trace.spectrum(s.q @ c)[:, None] * H
-        blocks.append(-(s.G[:, :, : len(c)] @ c)[:, :, None] * X[:, None, :])
+    w0, zeta = np.array([g[0] for g in grid]), np.array([g[1] for g in grid])
+    blocks = [_mode_columns(s, c, w0, zeta) for s in seens]
 
     def maker(w, zeta):
         return lambda k: (
@@ -523,7 +588,21 @@ def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
     return blocks, [maker(*g) for g in grid]
 
 
-def _couplings(problem: Problem, seens, b: Basis) -> list[Candidate]:
+def _mode_columns(s: SeenMotion, c: Array, w0: Array, zeta: Array) -> np.ndarray:
+    """(F, ny, m) response to hidden masses of 1 kg that resonate at w0 (m,) rad/s with damping ratio zeta (m,)."""
+    w = s.trace.omega[:, None]
+    H = -(w**2) * (w0**2 + 2j * zeta * w0 * w) / (w0**2 - w**2 + 2j * zeta * w0 * w)
+    X = s.trace.spectrum(s.q @ c)[:, None] * H
+    return -(s.G[:, :, : len(c)] @ c)[:, :, None] * X[:, None, :]
+
+
+def mode_column(problem: Problem, s: SeenMotion, mode: Effect) -> np.ndarray:
+    """(F, ny) response to one hidden mode."""
+    w0, zeta = np.array([2 * np.pi * mode.frequency]), np.array([mode.damping_ratio])
+    return mode.mass * _mode_columns(s, direction(mode.dof, problem.model.n), w0, zeta)[:, :, 0]
+
+
+def _couplings(problem: Problem, seens, b: Basis) -> Shelf | None:
     """Springs and dampers between DOFs that the nominal leaves apart; the diagonal is theirs to move."""
     from sysid_bench.effects.missing_coupling import MissingCoupling
 
@@ -536,16 +615,16 @@ def _couplings(problem: Problem, seens, b: Basis) -> list[Candidate]:
             block.append(force_columns(s, c, np.column_stack([s.q @ c, s.v @ c])))
         groups.append((2 * k, 2 * k + 2, _coupling_maker(MissingCoupling, pair), 2))
     if not pairs:
-        return []
+        return None
     A = _stack(seens, [np.concatenate(block, axis=2) for block in blocks])
-    return judge(problem, b, A, groups, [False] * len(groups))
+    return _shelved(b, A, groups, [False] * len(groups))
 
 
 def _coupling_maker(kind, pair):
     return lambda c: kind(dof=pair, stiffness=float(c[0]), damping=float(c[1])) if c[0] > 0 else None
 
 
-def _on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> list[Candidate]:
+def _on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> Shelf | None:
     L = problem.model.input_map
     blocks, groups, decoy, at = [[] for _ in seens], [], [], 0
     taken = {(e.name, e.dof) for e in point.effects}
@@ -560,7 +639,7 @@ def _on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) ->
                 continue
             size = sizes(problem, seens[0], direction(dof, problem.model.n), channel, lambda kind: [])
             for one in effect.suspects(size):
-                new = [_actuated_difference(problem, point, s, None, one.columns[0]) for s in seens]
+                new = [actuated_difference(problem, point, s, None, one.columns[0]) for s in seens]
                 if _only_gain(seens[0], new[0], plain[channel]):
                     continue
                 for block, column in zip(blocks, new):
@@ -578,10 +657,8 @@ def _on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) ->
         decoy.append(False)
         at += 1
     if not groups:
-        return []
-    return judge(
-        problem, b, _stack(seens, [np.concatenate(block, axis=2) for block in blocks]), groups, decoy
-    )
+        return None
+    return _shelved(b, _stack(seens, [np.concatenate(block, axis=2) for block in blocks]), groups, decoy)
 
 
 def _hold_maker(kind, hold):
@@ -613,7 +690,7 @@ def _only_gain(s: SeenMotion, column: np.ndarray, plain: Array) -> bool:
     return bool(np.linalg.norm(d - plain * (plain @ d) / max(plain @ plain, 1e-300)) < 0.02 * size)
 
 
-def _on_the_sensors(problem: Problem, seens, b: Basis, catalogue) -> list[Candidate]:
+def _on_the_sensors(problem: Problem, seens, b: Basis, catalogue) -> Shelf | None:
     known = {k.name: k for k in catalogue}
     C = problem.model.output_map
     blocks, groups, at = [[] for _ in seens], [], 0
@@ -629,9 +706,9 @@ def _on_the_sensors(problem: Problem, seens, b: Basis, catalogue) -> list[Candid
             groups.append((at, at + width, _sensor_maker(known[name], dof, duration), width))
             at += width
     if not groups:
-        return []
+        return None
     A = _stack(seens, [np.concatenate(block, axis=2) for block in blocks])
-    return judge(problem, b, A, groups, [False] * len(groups))
+    return _shelved(b, A, groups, [False] * len(groups))
 
 
 def _sensor_maker(kind, dof: int, duration: float):

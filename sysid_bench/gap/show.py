@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.gap.choose import DECOY_NAMES, Contender
+from sysid_bench.gap.contend import DECOY_NAMES, Contender
 from sysid_bench.gap.decide import moves, practical_moves
 from sysid_bench.gap.experiment import Settling
 from sysid_bench.gap.inverse import ForceProblem

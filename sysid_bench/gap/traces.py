@@ -30,6 +30,7 @@ class Trace:
     F: int = 0
     weight: Array = field(default_factory=lambda: np.zeros((0, 0)))
     variance: Array = field(default_factory=lambda: np.zeros(0))
+    pull: Array | None = None  # (N, n) N, further forces on each DOF at the samples
     _stages: dict = field(default_factory=dict)
 
     @property
@@ -50,6 +51,15 @@ class Trace:
         key = (substeps, hold or self.hold)
         if key not in self._stages:
             self._stages[key] = stage_values(self.u, self.h, key[1], substeps, None, self.period)
+        return self._stages[key]
+
+    def pulls(self, substeps: int) -> Array | None:
+        """(S, 3, n) stage values of the further forces, computed once; None where there are none."""
+        if self.pull is None:
+            return None
+        key = (substeps, "pull")
+        if key not in self._stages:
+            self._stages[key] = stage_values(self.pull, self.h, "cubic", substeps)
         return self._stages[key]
 
     def filled(self, residual: Array) -> Array:

@@ -10,14 +10,18 @@ import numpy as np
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import DataCheck, check_data
-from sysid_bench.gap.choose import DECOY_NAMES, Rules, Story, choose, suspects_of
+from sysid_bench.gap.choose import choose
+from sysid_bench.gap.choose_on_force import choose_on_force
 from sysid_bench.gap.colour import Floor, mean_floor
+from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
+from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
-from sysid_bench.gap.screen import Screen
+from sysid_bench.gap.screen import Screen, screen
+from sysid_bench.gap.story import Rules, Story
 from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, InputError, Model, Record
@@ -103,7 +107,8 @@ def find_gap(
     tell(f"other M, D, K leave {linear.rho:.4g} times")
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
     try:
-        story = choose(problem, linear, catalogue, rules)
+        search = choose_on_force if problem.on_force else choose
+        story = search(problem, linear, catalogue, rules)
     except np.linalg.LinAlgError as trouble:  # a singular normal matrix: what the refit says still holds
         tell(f"the search for effects ended early ({trouble})")
         story = Story(linear, linear)
@@ -222,4 +227,4 @@ def _final_screen(problem: Problem, story: Story, catalogue) -> Screen | None:
     """One more look, to say what would have been seen: power."""
     if story.rounds and story.rounds[-1].chosen is None:
         return story.rounds[-1].screen
-    return suspects_of(problem, story.fit, catalogue)
+    return (screen_on_force if problem.on_force else screen)(problem, story.fit, catalogue)

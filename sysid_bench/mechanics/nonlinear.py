@@ -208,14 +208,25 @@ def initial_states(forces: tuple[Effect, ...], directions: Array, q0: Array) -> 
 
 
 def trajectory(
-    assembly: Assembly, stages: Array, h: float, substeps: int, x0: Array | None = None, t0: float = 0.0
+    assembly: Assembly,
+    stages: Array,
+    h: float,
+    substeps: int,
+    x0: Array | None = None,
+    t0: float = 0.0,
+    pushed: Array | None = None,
 ) -> Trajectory:
-    """Run the model over stage inputs (S, 3, nu), S = (N-1) substeps, sampling time h. x0 (2 n,), zero where None."""
+    """Run the model over stage inputs (S, 3, nu), S = (N-1) substeps, sampling time h. x0 (2 n,), zero where None.
+
+    pushed (S, 3, n_own): further forces on each DOF, past the actuators
+    """
     small = h / substeps
     A = assembly
     step = exact_step(A.M, A.D, A.K, small)
     laws = laws_of(A.forces)
     force = actuated(A, stages, small) @ A.L.T
+    if pushed is not None:
+        force[:, :, : A.n_own] += pushed
     W = force[:, 0] @ step.start.T + force[:, 1] @ step.middle.T + force[:, 2] @ step.end.T
     x0 = np.zeros(2 * A.n) if x0 is None else hidden_start(A, x0)
     z0 = initial_states(A.forces, A.directions, x0[: A.n])

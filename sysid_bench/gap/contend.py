@@ -1,0 +1,197 @@
+"""suspect -> contender: the suspect fitted by free-run simulation jointly with everything, and what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.finalists import FRICTION, relatives
+from sysid_bench.gap.problem import SMOOTH, Fit, Point, Problem, evaluate, fit, free_parameters
+from sysid_bench.gap.screen import Candidate
+from sysid_bench.mechanics.effect import Effect
+
+DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
+# A richer law must gain this share of the linear gap over its own special case, and this share of what it leaves.
+RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
+CLOSED = 1.15  # rho from which a fit may have missed its valley
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """A fit with one more effect (or two), and what it costs: 2 rss + parameters ln R + what M, D, K moved."""
+
+    fit: Fit
+    candidate: Candidate
+    cost: float
+
+    @property
+    def effect(self) -> Effect:
+        return self.fit.point.effects[-1]
+
+    @property
+    def is_decoy(self) -> bool:
+        return self.effect.name in DECOY_NAMES
+
+
+def shape_count(effects: tuple[Effect, ...]) -> int:
+    """Parameters that count: not the smoothing of a sign, not the loss of a contact."""
+    return sum(effects[e].numeric[p] not in ("speed", "damping") for e, p in free_parameters(effects))
+
+
+def price(problem: Problem, one: Fit) -> float:
+    """2 rss + parameters ln R + the squared step of theta: only a trusted nominal splits forces that are alike."""
+    R = len(one.rows)
+    moved = 9 * one.moved  # entries in units of a third of their prior: a tenth for mass and stiffness
+    count = shape_count(one.point.effects)
+    return 2 * one.rss + count * np.log(R) + moved
+
+
+def best_start(problem: Problem, choices: list[Point]) -> tuple[float, Point] | None:
+    """The point whose run lies nearest to the data, and its rho."""
+    best = None
+    for point in choices:
+        found = evaluate(problem, point)
+        if found is not None:
+            rho = float(found[0] @ found[0]) / len(found[0])
+            if best is None or rho < best[0]:
+                best = (rho, point)
+    return best
+
+
+def at_rest(base: Fit) -> tuple:
+    """Starts at rest: what a fit without the effect bent to swallow it is no help beside it."""
+    return tuple(np.zeros_like(x) for x in base.point.starts)
+
+
+@dataclass(eq=False)
+class Arena:
+    """Where suspects are fitted: the problem, the fit before, the same problem held near the motion (leads).
+
+    nearest: the lowest rho so far of a fit that was held; closed: a name closes the gap already
+    leads_left: suspects that may still be led; fewer once a shape without a name closes the gap
+    """
+
+    problem: Problem
+    base: Fit
+    held: tuple[Problem, ...] = ()
+    nearest: float = np.inf
+    closed: bool = False
+    leads_left: int = 5
+
+    def contender(self, found: Fit, candidate: Candidate) -> Contender:
+        """A fit and its price."""
+        if found.rho < 1.1 and candidate.effect.name in DECOY_NAMES:
+            self.leads_left = min(self.leads_left, 2)
+        elif found.rho < 1.1:
+            self.closed = True
+        return Contender(found, candidate, price(self.problem, found))
+
+
+def refine(
+    arena: Arena, candidate: Candidate, promised: float, extra: tuple[Effect, ...] = (), iterations: int = 12
+) -> Contender | None:
+    """Fit by free-run simulation, jointly with everything; by way of held simulations where that is not straightforward.
+
+    promised: rho that the screen expects; extra: effects tried together with the candidate's. None where it fails.
+    """
+    base = arena.base
+    before = (*base.point.effects, *extra)
+    choices = [
+        Point(np.asarray(theta, dtype=float), (*before, effect), starts)
+        for effect in (candidate.effect, candidate.origin)
+        if effect is not None
+        for theta in (
+            candidate.theta,
+            np.zeros_like(base.point.theta),
+            *([base.point.theta] if before else []),
+        )
+        for starts in (base.point.starts, at_rest(base))
+    ]
+    found = _descended(arena, choices, promised, iterations)
+    return arena.contender(found, candidate) if found is not None else None
+
+
+def _descended(arena: Arena, choices: list[Point], promised: float, iterations: int) -> Fit | None:
+    """The fit from the best of some starts: straight, and by way of the held problems where that leaves something."""
+    free, found = free_parameters(choices[0].effects), None
+    start = best_start(arena.problem, choices)
+    if start is not None and (not arena.held or start[0] < 3 * promised + 1):
+        found = fit(arena.problem, start[1], free, iterations)
+    may = arena.held and not arena.closed and arena.leads_left > 0
+    rough = may and _has_corners(choices[0].effects)
+    if rough and (found is None or found.rho > CLOSED):
+        arena.leads_left -= 1
+        led = _led(arena, choices, free, iterations)
+        if led is not None and (found is None or led.rss < found.rss):
+            found = led
+    return found
+
+
+def _has_corners(effects: tuple[Effect, ...]) -> bool:
+    """True where a law switches: there a free run's error is a rough function of the parameters."""
+    return any(e.path == "force" and e.name not in SMOOTH and e.name not in DECOY_NAMES for e in effects)
+
+
+def _led(arena: Arena, choices: list[Point], free, iterations: int) -> Fit | None:
+    """By way of the held problems; given up where another suspect is far nearer there."""
+    start = best_start(arena.held[0], choices)
+    if start is None:
+        return None
+    point = start[1]
+    for k, problem in enumerate(arena.held):
+        found = fit(problem, point, free, 8 - 3 * k)
+        if found is None:
+            return None
+        if k == 0:
+            arena.nearest = min(arena.nearest, found.rho)
+            if found.rho > 3 * arena.nearest + 0.5:
+                return None
+        point = found.point
+    return fit(arena.problem, point, free, iterations)
+
+
+def kindred(arena: Arena, one: Contender, known: set, iterations: int = 10) -> list[Contender]:
+    """Other frictions in place of a friction that was fitted, each from the best of a few starts."""
+    effect = one.effect
+    if effect.name not in FRICTION:
+        return []
+    out, point = [], one.fit.point
+    for name, starts in relatives(arena.problem, one.fit, effect).items():
+        if (name, effect.dof) in known or (one.fit.rho < 1.02 and name != "stribeck_friction"):
+            continue
+        choices = [replace(point, effects=(*point.effects[:-1], other)) for other in starts]
+        found = _descended(arena, choices, one.fit.rho, iterations)
+        if found is not None:
+            out.append(arena.contender(found, replace(one.candidate, effect=found.point.effects[-1])))
+    return out
+
+
+def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -> Contender | None:
+    """The lowest price; a simpler catalogue effect that is nearly as good wins over a decoy or a richer one."""
+    if not contenders:
+        return None
+    best = contenders[0]
+    margin = max(20.0, practical * linear_gap)
+    left = max(best.fit.rss - len(best.fit.rows), 0.0)
+    nested = 2 * max(15.0, RICHER_GAINS * linear_gap, RICHER_LEAVES * left)
+    for other in contenders[1:]:
+        behind = other.cost - best.cost
+        if behind > max(margin, nested) or other.fit.rho > 1.4 * best.fit.rho + 0.1:
+            break
+        named = best.is_decoy and not other.is_decoy and behind < max(20.0, margin / 3)
+        if named or (behind < nested and not other.is_decoy and subset(other.effect, best.effect)):
+            return other
+    return best
+
+
+def subset(simple: Effect, rich: Effect) -> bool:
+    """True where the simple effect is the rich one with a parameter at its limit, at the same place."""
+    pairs = {
+        ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
+        ("coulomb_friction", "bouc_wen_hysteresis"), ("presliding_friction", "bouc_wen_hysteresis"),
+        ("sensor_bias", "sensor_drift"), ("coulomb_friction", "friction_behind_play"),
+        ("presliding_friction", "friction_behind_play"),
+    }  # fmt: skip
+    return simple.dof == rich.dof and (simple.name, rich.name) in pairs

@@ -1,0 +1,49 @@
+"""problem -> the same problem whose simulation is held near the motion that really was: a smooth way into the valley.
+
+Friction that sticks, play and several wells make the error of a free run a rough function of the parameters: one event
+missed, and everything after differs. With springs and dampers between the model and the smoothed measured motion
+(synchronisation; Abarbanel et al. 2009) a fit stays smooth, and what it finds is where the fit by free run starts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_bench.gap.motion import Seen
+from sysid_bench.gap.problem import Problem
+from sysid_bench.nouns import Array, Model
+
+SHARES = (1.0, 0.1)  # springs as strong as the plant's own, then a tenth: on the way to a free run
+DAMPING = 0.7  # of critical, of the dampers beside the springs
+
+
+def leads(problem: Problem, seens: list[Seen]) -> tuple[Problem, ...]:
+    """Problems held ever less near the smoothed motion; none where that motion is not measured itself."""
+    known = _measured(problem.model)
+    sensed = any(e.path in ("sensor", "timing") for e in problem.model.effects)
+    if sensed or not known.any():
+        return ()
+    return tuple(nudged(problem, seens, share * known) for share in SHARES)
+
+
+def nudged(problem: Problem, seens: list[Seen], share: Array) -> Problem:
+    """The problem with springs and dampers to the smoothed motion; share (n,) of each DOF's own stiffness."""
+    model = problem.model
+    size = np.maximum(np.diag(model.stiffness), 1e-3 * np.abs(model.stiffness).max())
+    spring = share * size if model.output == "displacement" else 0 * size
+    damper = DAMPING * np.sqrt(share * size * np.diag(model.mass))
+    held = replace(
+        model, damping=model.damping + np.diag(damper), stiffness=model.stiffness + np.diag(spring)
+    )
+    traces = tuple(
+        replace(s.trace, pull=s.q * spring + s.v * damper, _stages=dict(s.trace._stages)) for s in seens
+    )
+    return replace(problem, model=held, traces=traces)
+
+
+def _measured(model: Model) -> Array:
+    """(n,) 1 where a sensor sees the DOF and nothing else."""
+    C = model.output_map != 0
+    return np.any(C & (C.sum(axis=1) == 1)[:, None], axis=0).astype(float)

@@ -1,0 +1,78 @@
+"""How suspects are fitted: polished along the motion, held near it, judged in pairs; on records from the trials' engine."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sysid_bench.effects import effect_class, names
+from sysid_bench.gap.check_data import check_data
+from sysid_bench.gap.contend import Arena, at_rest, refine
+from sysid_bench.gap.nudge import leads
+from sysid_bench.gap.pairs import pairs
+from sysid_bench.gap.polish import polished_candidate
+from sysid_bench.gap.problem import Point, evaluate, fit, free_parameters
+from sysid_bench.gap.refit import linear_fit
+from sysid_bench.gap.screen import screen
+from sysid_bench.gap.workflow import prepared
+from sysid_bench.nouns import Model, Record
+
+TRIALS = Path(__file__).parents[1] / "experiments" / "hidden_effects"
+CATALOGUE = [effect_class(name) for name in names()]
+
+
+@pytest.fixture(scope="module")
+def draw():
+    sys.path.insert(0, str(TRIALS))
+    import draw
+
+    yield draw.Draw
+    sys.path.remove(str(TRIALS))
+
+
+def problem_and_screen(draw, seed, **given):
+    trial = draw(seed, **given).trial()
+    model = Model(
+        trial.M, trial.D, trial.K, input_map=trial.L, hold=trial.hold, initial_state=trial.initial_state
+    )
+    u, y = trial.train
+    record = Record(np.arange(len(u)) * trial.h, u, y, hold=trial.hold)
+    problem, _ = prepared([record], model, check_data([record]))
+    linear = linear_fit(problem)
+    return problem, linear, screen(problem, linear, CATALOGUE), trial.truth["values"]
+
+
+def test_polishing_finds_the_shape_between_the_grid(draw):
+    problem, _, screened, truth = problem_and_screen(draw, 12, size="one", kind="single", name="dead_zone")
+    stiffness, gap = truth[0][1][:2]
+    first = next(c for c in screened.candidates if c.effect.name == "dead_zone")
+    polished = polished_candidate(problem, screened, first)
+    assert polished.explained >= first.explained
+    assert polished.effect.gap == pytest.approx(gap, rel=0.05)
+    assert polished.effect.stiffness == pytest.approx(stiffness, rel=0.05)
+
+
+def test_held_near_the_motion_a_fit_reaches_the_friction_that_a_free_run_misses(draw):
+    problem, linear, screened, truth = problem_and_screen(draw, 1042, kind="single")
+    first = next(c for c in screened.candidates if c.effect.name == "stribeck_friction")
+    start = Point(np.zeros(len(problem.entries)), (first.effect,), at_rest(linear))
+    held = leads(problem, screened.seens)
+    near = fit(held[0], start, free_parameters(start.effects), 8)
+    assert near.rho < 1.2
+    led = refine(Arena(problem, linear, held), first, screened.promise(first.explained))
+    assert led.fit.rho < 1.2
+    assert led.effect.static_force == pytest.approx(sum(truth[0][1][:2]), rel=0.15)
+
+
+def test_the_held_problem_is_the_problem_where_nothing_is_missing(draw):
+    problem, linear, screened, _ = problem_and_screen(draw, 21, size="one", kind="none")
+    for held in leads(problem, screened.seens):
+        rows, _ = evaluate(held, linear.point)
+        assert rows @ rows / len(rows) < 1.2
+
+
+def test_two_forces_at_once_are_a_pair(draw):
+    problem, _, screened, _ = problem_and_screen(draw, 1403, kind="double")
+    best = pairs(problem, screened, 1)[0]
+    assert {e.name for e in best.effects} == {"constant_force", "dead_zone"}
