@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid_bench.gap.motion import Seen, force_along
-from sysid_bench.gap.problem import Point, Problem, free_parameters, is_log
+from sysid_bench.gap.problem import Point, Problem, free_parameters
 from sysid_bench.gap.screen import Candidate, Screen, actuated_difference, force_columns, mode_column, thin
-from sysid_bench.mechanics.effect import Effect, direction
+from sysid_bench.mechanics.effect import POSITIVE, Effect, direction
 from sysid_bench.nouns import Array
 
 LONGEST_STEP = 0.7  # of a logarithm
@@ -85,7 +85,7 @@ def moved(effects: tuple[Effect, ...], free, step: Array) -> tuple[Effect, ...]:
     """The effects after a step; positive parameters by their logarithm."""
     values = [np.array(e.values) for e in effects]
     for (e, p), s in zip(free, step):
-        if is_log(effects[e], p):
+        if _by_log(effects[e], p):
             values[e][p] *= np.exp(np.clip(s, -LONGEST_STEP, LONGEST_STEP))
         else:
             values[e][p] += s
@@ -110,8 +110,12 @@ def rows_of(problem: Problem, screened: Screen, effects: tuple[Effect, ...], fre
     return A - b.Q @ (b.Q.T @ A)
 
 
+def _by_log(effect: Effect, p: int) -> bool:
+    return effect.knobs[effect.numeric[p]].range == POSITIVE
+
+
 def _nudge(effect: Effect, p: int) -> float:
-    return 1e-3 if is_log(effect, p) else 1e-3 * max(abs(effect.values[p]), 1e-3)
+    return 1e-3 if _by_log(effect, p) else 1e-3 * max(abs(effect.values[p]), 1e-3)
 
 
 def _nudged(effect: Effect, p: int) -> Effect:
