@@ -38,7 +38,7 @@ def problem_and_screen(draw, seed, **given):
     )
     u, y = trial.train
     record = Record(np.arange(len(u)) * trial.h, u, y, hold=trial.hold)
-    problem, _ = prepared([record], model, check_data([record]))
+    problem = prepared([record], model, check_data([record]))[0]
     linear = linear_fit(problem)
     return problem, linear, screen(problem, linear, CATALOGUE), trial.truth["values"]
 
