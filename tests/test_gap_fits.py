@@ -40,17 +40,17 @@ def problem_and_screen(draw, seed, **given):
     record = Record(np.arange(len(u)) * trial.h, u, y, hold=trial.hold)
     problem = prepared([record], model, check_data([record]))[0]
     linear = linear_fit(problem)
-    return problem, linear, screen(problem, linear, CATALOGUE), trial.truth["values"]
+    return problem, linear, screen(problem, linear, CATALOGUE), trial.truth["effects"]
 
 
 def test_polishing_finds_the_shape_between_the_grid(draw):
     problem, _, screened, truth = problem_and_screen(draw, 12, size="one", kind="single", name="dead_zone")
-    stiffness, gap = truth[0][1][:2]
+    wanted = truth[0]["values"]
     first = next(c for c in screened.candidates if c.effect.name == "dead_zone")
     polished = polished_candidate(problem, screened, first)
     assert polished.explained >= first.explained
-    assert polished.effect.gap == pytest.approx(gap, rel=0.05)
-    assert polished.effect.stiffness == pytest.approx(stiffness, rel=0.05)
+    assert polished.effect.gap == pytest.approx(wanted["gap"], rel=0.05)
+    assert polished.effect.stiffness == pytest.approx(wanted["stiffness"], rel=0.05)
 
 
 def test_held_near_the_motion_a_fit_reaches_the_friction_that_a_free_run_misses(draw):
@@ -62,7 +62,7 @@ def test_held_near_the_motion_a_fit_reaches_the_friction_that_a_free_run_misses(
     assert near.rho < 1.2
     led = refine(Arena(problem, linear, held), first, screened.promise(first.explained))
     assert led.fit.rho < 1.2
-    assert led.effect.static_force == pytest.approx(sum(truth[0][1][:2]), rel=0.15)
+    assert led.effect.static_force == pytest.approx(truth[0]["values"]["static_force"], rel=0.15)
 
 
 def test_the_held_problem_is_the_problem_where_nothing_is_missing(draw):

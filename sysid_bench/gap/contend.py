@@ -116,11 +116,11 @@ def refine(
 def _descended(arena: Arena, choices: list[Point], promised: float, iterations: int) -> Fit | None:
     """The fit from the best of some starts: straight, and by way of the held problems where that leaves something."""
     free, found = free_parameters(choices[0].effects), None
-    start = best_start(arena.problem, choices)
-    if start is not None and (not arena.held or start[0] < 3 * promised + 1):
-        found = fit(arena.problem, start[1], free, iterations)
     may = arena.held and not arena.closed and arena.leads_left > 0
-    rough = may and _has_corners(choices[0].effects)
+    rough = bool(may) and _has_corners(choices[0].effects)
+    start = best_start(arena.problem, choices)
+    if start is not None and (not rough or start[0] < 3 * promised + 1):
+        found = fit(arena.problem, start[1], free, iterations)
     if rough and (found is None or found.rho > CLOSED):
         arena.leads_left -= 1
         led = _led(arena, choices, free, iterations)

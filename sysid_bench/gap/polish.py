@@ -68,11 +68,15 @@ def polish(
 
 
 def polished_candidate(problem: Problem, screened: Screen, candidate: Candidate) -> Candidate:
-    """The candidate with its parameters fitted along the motion; as it was where that gains nothing."""
+    """The candidate with its parameters fitted along the motion; as it was where that gains nothing.
+
+    A changed input was judged with a factor of its own, which no effect has: there the fitted one may explain less.
+    """
     if not polishable(candidate.effect):
         return candidate
     found = polish(problem, screened, (candidate.effect,))
-    if found is None or found.explained < candidate.explained:
+    least = 0.8 if candidate.effect.path == "actuator" else 1.0
+    if found is None or found.explained < least * candidate.explained:
         return candidate
     gain = found.explained - candidate.explained
     return replace(
