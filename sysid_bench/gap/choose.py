@@ -108,8 +108,9 @@ def _fitted(
     found: list[Contender] = []
     for candidate in tried:
         clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in (*before, *found))
-        behind = screened.left - candidate.explained > FAR * (screened.left - tried[0].explained)
-        behind = behind and candidate.effect.path != "actuator"  # a delay and a lag are told apart by their fits
+        # a delay and a lag are told apart by their fits alone
+        far = screened.left - candidate.explained > FAR * (screened.left - tried[0].explained)
+        behind = far and candidate.effect.path != "actuator"
         if clean and (behind or candidate.explained < 0.9 * tried[0].explained):
             continue  # something closes the gap already, and this one is far behind
         one = refine(arena, candidate, screened.promise(candidate.explained))
