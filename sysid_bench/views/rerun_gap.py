@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.workflow import Answer
-from sysid_bench.views.gap_report import WORDS, place_words, unexplained
+from sysid_bench.views.gap_report import WORDS, budget, place_words, suspects, unexplained
 from sysid_bench.views.rerun_record import log_markdown, log_series, panels, recording, signal_view, x_range
 
-IN_SIGHT = 600
+IN_SIGHT, CLOUD, BANDS = 600, 3000, 60
 
 
 def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path:
@@ -31,8 +31,14 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
     if force:
         views.append(signal_view("force", "unexplained force and the effect", axis))
     plots = rrb.Grid(*views, grid_columns=1 if len(views) <= 4 else 2)
-    words = rrb.TextDocumentView(origin="about", name="verdict")
-    blueprint = rrb.Blueprint(rrb.Horizontal(plots, words, column_shares=[3, 1]), *panels("t"))
+    side = [rrb.TextDocumentView(origin="about", name="verdict")]
+    side += [rrb.BarChartView(origin="spectrum", name="residual by frequency, dB over the floor, Hz")]
+    if force:
+        side.append(
+            rrb.Spatial3DView(origin="cloud", name="force over displacement and velocity, each over its rms")
+        )
+    right = rrb.Vertical(*side, row_shares=[3, 2, 3][: len(side)])
+    blueprint = rrb.Blueprint(rrb.Horizontal(plots, right, column_shares=[5, 3]), *panels("t"))
     with recording("sysid_bench_gap", path, blueprint) as stream:
         index = rr.TimeColumn("t", duration=t)
         for c in range(after.trace.y.shape[1]):
@@ -45,6 +51,7 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
             )
         if force:
             _log_force(stream, answer, force[0])
+        _log_spectrum(stream, answer)
         log_markdown(stream, "about", words_of(values))
     return path
 
@@ -59,7 +66,34 @@ def _log_force(stream: Any, answer: Answer, effect: Any) -> None:
     x, v, force = unexplained(answer, direction(effect.dof, answer.problem.model.n))
     index = rr.TimeColumn("t", duration=trace.t)
     log_series(stream, "force/unexplained", index, force, "unexplained force", -1)
-    log_series(stream, "force/effect", index, force_along(effect, x, v, trace.h, trace.t0), effect.name, 1)
+    fitted = force_along(effect, x, v, trace.h, trace.t0)
+    log_series(stream, "force/effect", index, fitted, effect.name, 1)
+    step = max(1, len(x) // CLOUD)
+    for name, values, colour in (("unexplained", force, (200, 200, 200)), ("effect", fitted, (230, 120, 30))):
+        size = max(float(np.sqrt(np.mean(fitted**2))), 1e-300)
+        points = np.column_stack([x / max(x.std(), 1e-300), v / max(v.std(), 1e-300), values / size])[::step]
+        stream.log(f"cloud/{name}", rr.Points3D(points, colors=[colour], radii=[0.02]), static=True)
+
+
+def _log_spectrum(stream: Any, answer: Answer) -> None:
+    """Mean residual power per band of the given and the better model over the noise floor, dB."""
+    import rerun as rr
+
+    top = answer.problem.traces[0].omega[-1]
+    for name, proof, colour in (
+        ("given", answer.before[0], (213, 94, 0)),
+        ("better", answer.after[0], (0, 114, 178)),
+    ):
+        r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
+        power = np.mean(np.abs(np.fft.rfft(r, axis=0)) ** 2, axis=1) / len(r)
+        f = np.fft.rfftfreq(len(r), proof.trace.h)
+        kept = f < top / np.pi
+        bands = np.array_split(np.flatnonzero(kept), min(BANDS, int(kept.sum())))
+        levels = [10 * np.log10(max(float(power[b].mean()), 0.1)) for b in bands]
+        centres = [float(f[b].mean()) for b in bands]
+        widths = np.full(len(levels), 0.9 * (centres[-1] - centres[0]) / max(len(levels) - 1, 1))
+        chart = rr.BarChart(np.array(levels), abscissa=np.array(centres), widths=widths, color=colour)
+        stream.log(f"spectrum/{name}", chart, static=True)
 
 
 def words_of(values: Mapping[str, Any]) -> str:
@@ -83,4 +117,17 @@ def words_of(values: Mapping[str, Any]) -> str:
         "|-|-|",
         *(f"| {name} | {100 * float(np.real(v)):.3g} % |" for name, v in shares),
     ]
+    lines += ["", "| left over the floor (rms), training | |", "|-|-|"]
+    lines += [f"| {name} | {value:.3g} |" for name, value in budget(values)]
+    ranked = suspects(values)[:8]
+    if ranked:
+        lines += ["", "| look | suspect | explains | left after its fit |", "|-|-|-|-|"]
+        lines += ["| " + " | ".join(row) + " |" for row in ranked]
+    power = sorted(values["power"].items())
+    if power:
+        lines += ["", "| would have been seen from | | |", "|-|-|-|"]
+        lines += [
+            f"| {name} | {p['parameter']} {p['smallest']:.3g} {p['unit']} | {place_words(p['dof'])} |"
+            for name, p in power
+        ]
     return "\n".join(lines)
