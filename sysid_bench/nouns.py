@@ -3,6 +3,9 @@
 Shapes: time first, always two-dimensional: t (N,), u (N, nu), y (N, ny), q (N, n). SI units inside.
 """
 
+# None for n and the maps asks for what the matrices say; the types are those that stand there afterwards.
+# pyright: reportUnnecessaryComparison=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -77,8 +80,8 @@ class Record:
     hold: Hold | None = None
     quality: NDArray[np.uint8] | None = None
     period: int | None = None
-    units: Mapping[str, Any] = field(default_factory=dict)
-    origin: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    origin: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         t = frozen_array(self.t, "Record.t", 1)
@@ -205,9 +208,9 @@ class Model:
     output: Output = "displacement"
     hold: Hold | None = None
     initial_state: Literal["free", "at_rest"] = "free"
-    free: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    free: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict[str, NDArray[np.bool_]])
     effects: tuple[Effect, ...] = ()
-    units: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, Any] = field(default_factory=dict[str, Any])
     sample_time_s: float | None = None
 
     def __post_init__(self) -> None:
@@ -240,7 +243,7 @@ class Model:
             raise InputError(f"hold must be one of {', '.join(HOLDS)}; got {self.hold!r}.")
         if self.initial_state not in ("free", "at_rest"):
             raise InputError(f"initial_state must be free or at_rest; got {self.initial_state!r}.")
-        free = {}
+        free: dict[str, NDArray[np.bool_]] = {}
         for name, mask in self.free.items():
             mask = np.array(mask, dtype=bool)
             if name not in ("mass", "damping", "stiffness") or mask.shape != (n, n) or (mask != mask.T).any():
@@ -302,7 +305,7 @@ class Plant:
     output_map: Array = None  # type: ignore[assignment]
     output: Output = "displacement"
     effects: tuple[Effect, ...] = ()
-    units: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def __post_init__(self) -> None:
         checked = Model(
@@ -442,11 +445,11 @@ class Estimate:
     covariance: Array | None = None
     poles: NDArray[np.complex128] | None = None
     state_space: tuple[Array, Array, Array, Array, float] | None = None
-    coefficients: Mapping[str, float] = field(default_factory=dict)
+    coefficients: Mapping[str, float] = field(default_factory=dict[str, float])
     status: Status = "ok"
     reason: str = ""
     seconds: float | None = None
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    diagnostics: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
@@ -519,7 +522,7 @@ class Task:
     def without(self, keys: set[str]) -> Task:
         """The same task with only those cells whose key is not in `keys`."""
         cells = tuple(cell for cell in self.cells if cell.key not in keys)
-        return Task(**{**vars(self), "cells": cells})
+        return replace(self, cells=cells)
 
 
 class Executor(Protocol):

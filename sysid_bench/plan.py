@@ -1,5 +1,8 @@
 """study -> tasks and cells: the grid, its seeds and its keys. Pure: reads and writes nothing."""
 
+# Configs are values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import copy
@@ -47,7 +50,7 @@ class Study:
     options: Mapping[tuple[str, str], Option]
     axes: Mapping[str, Sequence[Any]]
     cases: Sequence[Mapping[str, Any]] = ()
-    only: Mapping[str, str] = field(default_factory=dict)
+    only: Mapping[str, str] = field(default_factory=dict[str, str])
     packages: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -1,5 +1,8 @@
 """estimate, truth -> numbers. The only step that sees both the truth and the answer."""
 
+# scipy says no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 from collections.abc import Mapping

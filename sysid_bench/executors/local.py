@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from typing import Any
 
 from sysid_bench.nouns import InputError, Task
@@ -22,7 +22,7 @@ POLL_S = 0.5
 @dataclass
 class _Worker:
     process: Any
-    pipe: Connection
+    pipe: Any  # a Connection; on Windows a PipeConnection
     tasks: deque[Task] = field(default_factory=deque)
     since: float = field(default_factory=time.monotonic)
 
@@ -140,7 +140,7 @@ def _stop(worker: _Worker) -> None:
     worker.process.join()
 
 
-def _work(pipe: Connection, work: Rows) -> None:
+def _work(pipe: Any, work: Rows) -> None:
     """A worker's life: task in, rows out, None when done; ends when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:

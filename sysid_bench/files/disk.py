@@ -1,5 +1,8 @@
 """Bytes and plain values -> files that are whole or absent, and back under limits."""
 
+# json and yaml hand over values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import contextlib
@@ -8,7 +11,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -20,7 +23,7 @@ MAX_TEXT_BYTES = 64 * 2**20
 
 
 @contextlib.contextmanager
-def atomic_write(path: str | os.PathLike, mode: str = "wb") -> Iterator[IO]:
+def atomic_write(path: str | os.PathLike[str], mode: str = "wb") -> Generator[IO[Any], None, None]:
     """Open a temporary file beside `path` that takes its name only once it is whole and on the disk.
 
     Parent folders are made. Whatever goes wrong (exception, full disk, kill), `path` is as it was before.
@@ -56,7 +59,7 @@ def _cut(name: str, most: int = 100) -> str:
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path) -> Generator[None, None, None]:
     """One process at a time inside, per folder; the system gives the lock back when its holder is killed."""
     try:
         import fcntl
@@ -84,7 +87,7 @@ def _sync_folder(folder: Path) -> None:
             os.close(number)
 
 
-def existing_file(path: str | os.PathLike, what: str) -> Path:
+def existing_file(path: str | os.PathLike[str], what: str) -> Path:
     """`path` as a Path. Raises InputError where there is no such file or it is empty."""
     path = Path(path)
     if not path.exists():
@@ -101,7 +104,7 @@ def existing_file(path: str | os.PathLike, what: str) -> Path:
     return path
 
 
-def read_text(path: str | os.PathLike, what: str) -> str:
+def read_text(path: str | os.PathLike[str], what: str) -> str:
     """Text of a file of moderate size. Raises InputError: absent, empty, too large, not UTF-8."""
     path = existing_file(path, what)
     if path.stat().st_size > MAX_TEXT_BYTES:
@@ -116,7 +119,7 @@ def read_text(path: str | os.PathLike, what: str) -> str:
         raise InputError(f"{what}: cannot read {path}: {problem.strerror}.") from None
 
 
-def sha256(path: str | os.PathLike) -> str:
+def sha256(path: str | os.PathLike[str]) -> str:
     """Hash of a file's bytes, hexadecimal."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
@@ -157,7 +160,7 @@ def _indented(value: Any, margin: str) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def read_json(path: str | os.PathLike, what: str) -> Any:
+def read_json(path: str | os.PathLike[str], what: str) -> Any:
     """Value of a JSON file. Raises InputError with line and column."""
     text = read_text(path, what)
     try:
@@ -170,7 +173,7 @@ def read_json(path: str | os.PathLike, what: str) -> Any:
         raise InputError(f"{what}: {path} cannot be read as JSON ({type(problem).__name__}).") from None
 
 
-def write_json(path: str | os.PathLike, value: Any) -> None:
+def write_json(path: str | os.PathLike[str], value: Any) -> None:
     """Write any value as JSON, atomically."""
     with atomic_write(path, "w") as file:
         file.write(json_text(value))

@@ -1,5 +1,8 @@
 """one entry {name, dof, parameters} of model.yaml <-> an effect of the shelf."""
 
+# json and yaml hand over values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,8 @@
 """Estimate <-> estimate.json: M, D, K with standard errors, poles, how it went, what made it."""
 
+# json and yaml hand over values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import os
@@ -21,7 +24,7 @@ MATRIX_NAMES: tuple[Literal["M", "D", "K"], ...] = ("M", "D", "K")
 
 def write_estimate(
     estimate: Estimate,
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     method: str,
     model: Model | None = None,
@@ -87,7 +90,7 @@ def _state_space(estimate: Estimate) -> dict[str, Any] | None:
     return dict(zip(("A", "B", "C", "D", "h_s"), estimate.state_space, strict=True))
 
 
-def read_estimate(path: str | os.PathLike) -> tuple[Estimate, dict[str, Any]]:
+def read_estimate(path: str | os.PathLike[str]) -> tuple[Estimate, dict[str, Any]]:
     """(Estimate, all keys of the file) of an estimate.json. Raises InputError naming the key that is wrong.
 
     Where the file has standard errors but no covariance, the covariance is their diagonal.
@@ -113,7 +116,7 @@ def read_estimate(path: str | os.PathLike) -> tuple[Estimate, dict[str, Any]]:
     return estimate, values
 
 
-def model_of(estimate: Estimate, values: Mapping[str, Any], path: str | os.PathLike) -> Model:
+def model_of(estimate: Estimate, values: Mapping[str, Any], path: str | os.PathLike[str]) -> Model:
     """The model that an estimate.json says: its M, D, K with the maps and output of what was fitted.
 
     Raises InputError where it has no M, D, K (a black-box estimate, or a failure).
@@ -154,7 +157,7 @@ def _matrices(values: Mapping[str, Any], path: Path) -> tuple[dict[str, Any], di
 
 
 def _numbers(
-    values: Mapping[str, Any], key: str, ndim: int, path: str | os.PathLike, inside: str = ""
+    values: Mapping[str, Any], key: str, ndim: int, path: str | os.PathLike[str], inside: str = ""
 ) -> np.ndarray | None:
     """Array of a nested list; null inside becomes NaN."""
     value = values.get(key)
@@ -171,7 +174,7 @@ def _numbers(
 
 
 def _covariance(
-    values: Mapping[str, Any], stds: Mapping[str, Any], path: str | os.PathLike
+    values: Mapping[str, Any], stds: Mapping[str, Any], path: str | os.PathLike[str]
 ) -> np.ndarray | None:
     covariance = _numbers(values, "covariance", 2, path)
     if any(std is None for std in stds.values()):
@@ -187,7 +190,7 @@ def _covariance(
     return covariance
 
 
-def _state_space_of(values: Mapping[str, Any], path: str | os.PathLike) -> tuple | None:
+def _state_space_of(values: Mapping[str, Any], path: str | os.PathLike[str]) -> tuple[Any, ...] | None:
     part = values.get("state_space")
     if part is None:
         return None
@@ -199,7 +202,7 @@ def _state_space_of(values: Mapping[str, Any], path: str | os.PathLike) -> tuple
     return A, B, C, D, float(part["h_s"])
 
 
-def _mapping(values: Mapping[str, Any], key: str, path: str | os.PathLike) -> dict[str, Any]:
+def _mapping(values: Mapping[str, Any], key: str, path: str | os.PathLike[str]) -> dict[str, Any]:
     part = values.get(key) or {}
     if not isinstance(part, dict):
         raise InputError(f"estimate {path}: {key} must be a mapping; got {part!r:.60}.")

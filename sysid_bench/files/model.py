@@ -1,5 +1,8 @@
 """model.yaml <-> Model: structure, nominal values, effects; what `gap` writes, `simulate` and `gap` read."""
 
+# json and yaml hand over values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import math
@@ -27,7 +30,7 @@ HEADER = """\
 """
 
 
-def read_model(path: str | os.PathLike, own: Sequence[type] = ()) -> Model:
+def read_model(path: str | os.PathLike[str], own: Sequence[type] = ()) -> Model:
     """Model of a model.yaml; own: effect classes of the user's that it may name.
 
     Raises InputError with the file, the line, what was wanted and the way out.
@@ -49,7 +52,7 @@ def read_model(path: str | os.PathLike, own: Sequence[type] = ()) -> Model:
         raise InputError(f"model {path}: {problem}") from None
 
 
-def plant_of(model: Model, path: str | os.PathLike) -> Plant:
+def plant_of(model: Model, path: str | os.PathLike[str]) -> Plant:
     """The plant that a model file describes. Raises InputError where it has no values."""
     if model.mass is None or model.damping is None or model.stiffness is None:
         raise InputError(f"model {path}: mass, damping and stiffness are wanted to simulate it; it has none.")
@@ -213,7 +216,7 @@ def _mask(value: Any, name: str) -> np.ndarray:
     return np.array(value, dtype=bool)
 
 
-def write_model(model: Model, path: str | os.PathLike, origin: Mapping[str, Any] | None = None) -> None:
+def write_model(model: Model, path: str | os.PathLike[str], origin: Mapping[str, Any] | None = None) -> None:
     """Write what `read_model` reads back to the same Model, bit for bit; matrices as rows of numbers."""
     with atomic_write(path, "w") as file:
         file.write(HEADER + yaml_text(mapping_of(model, origin)))

@@ -1,5 +1,8 @@
 """YAML text -> plain values: numbers, words, lists, mappings; no tags, no aliases, no key twice."""
 
+# json and yaml hand over values of any type.
+# pyright: reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import os
@@ -25,7 +28,7 @@ _Loader.add_implicit_resolver(
 )
 
 
-def read_yaml(path: str | os.PathLike, what: str) -> tuple[dict[str, Any], dict[str, int]]:
+def read_yaml(path: str | os.PathLike[str], what: str) -> tuple[dict[str, Any], dict[str, int]]:
     """(mapping, line of each top-level key) of a YAML file.
 
     Raises InputError with the line: not YAML, not a mapping, a tag, an alias, a key given twice, or too deep.

@@ -13,7 +13,7 @@ from sysid_bench.nouns import InputError, Record
 SUFFIXES = (".mcap", ".csv", ".parquet")
 
 
-def read_record(path: str | os.PathLike, **options: Any) -> Record:
+def read_record(path: str | os.PathLike[str], **options: Any) -> Record:
     """Record of a file. Raises InputError: absent, empty, wrong suffix, damaged, not a record of ours.
 
     `options`: topic="/name" for MCAP files with several topics.
@@ -36,7 +36,7 @@ def read_record(path: str | os.PathLike, **options: Any) -> Record:
 
 
 def write_record(
-    record: Record, path: str | os.PathLike, attachments: Mapping[str, bytes | str] | None = None
+    record: Record, path: str | os.PathLike[str], attachments: Mapping[str, bytes | str] | None = None
 ) -> None:
     """Write a record, whole or not at all. Raises InputError on a wrong suffix or where it cannot be written.
 
@@ -61,13 +61,13 @@ def write_record(
         parquet_file.write(record, path)
 
 
-def record_path(path: str | os.PathLike) -> Path:
+def record_path(path: str | os.PathLike[str]) -> Path:
     """`path` as a Path. Raises InputError where its suffix is none of a record file's."""
     _suffix(path)
     return Path(path)
 
 
-def _suffix(path: str | os.PathLike) -> str:
+def _suffix(path: str | os.PathLike[str]) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(

@@ -1,5 +1,8 @@
 """CSV <-> Record: header t,u1..,y1..[,quality]; seconds, SI; values in the shortest form that reads back exactly."""
 
+# protobuf, mcap and pyarrow say no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import re

@@ -32,7 +32,7 @@ class _Topic:
     names: list[str]
     repeated: bool
     batches: dict[str, list[np.ndarray]] = field(default_factory=dict)
-    singles: dict[str, array] = field(default_factory=dict)
+    singles: dict[str, array[float]] = field(default_factory=dict)
     values: int = 0
 
     def __post_init__(self) -> None:

@@ -1,5 +1,8 @@
 """MCAP bytes -> their records in order: chunks opened within limits, checksums held."""
 
+# protobuf, mcap and pyarrow say no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import struct

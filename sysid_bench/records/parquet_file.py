@@ -1,5 +1,8 @@
 """Parquet <-> Record: the CSV's columns; hold, period, units and origin as JSON in the schema's metadata."""
 
+# protobuf, mcap and pyarrow say no types.
+# pyright: reportMissingTypeStubs=false, reportUnknownArgumentType=false, reportUnknownMemberType=false, reportUnknownParameterType=false, reportUnknownVariableType=false
+
 from __future__ import annotations
 
 import json

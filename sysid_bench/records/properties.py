@@ -1,5 +1,8 @@
 """A record's hold, period and units <-> plain values, checked."""
 
+# protobuf, mcap and pyarrow say no types.
+# pyright: reportUnknownVariableType=false
+
 from __future__ import annotations
 
 from collections.abc import Mapping
