@@ -1,58 +1,19 @@
 """Closed loop and free masses: the gap on the force names what the position cannot tell. Simulated by a loop of its own."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
-H, FINE = 1e-3, 10  # sampling time in s, small steps per sample
-MASS, DAMPING, PITCH = 95.0, 200.0, 2.5e-3
+STUDY = Path(__file__).parent.parent / "experiments" / "measured_machines"
+sys.path.insert(0, str(STUDY))
+from closed_loop import DAMPING, FINE, MASS, PITCH, H, closed_loop  # noqa: E402
 
-
-def moves(N):
-    """(N,) m: there and back at two speeds, with pauses."""
-    corners = [(0.0, 0.0), (0.5, 0.0), (1.7, 0.12), (2.2, 0.12), (3.4, 0.0), (3.9, 0.0), (6.3, 0.12), (6.8, 0.12), (9.2, 0.0), (10, 0.0)]  # fmt: skip
-    path = np.interp(H * np.arange(N), *np.array(corners).T)
-    smooth = np.hanning(201)
-    return np.convolve(np.pad(path, 100, "edge"), smooth / smooth.sum(), "valid")
-
-
-def closed_loop(
-    rng,
-    coulomb=0.0,
-    asymmetry=0.0,
-    ripple=0.0,
-    phase=0.0,
-    delay=0,
-    pulses=0.0,
-    stretch=1.0,
-    other=None,
-    N=10_000,
-):
-    """Record of a positioning system under two nested proportional controllers; delay in samples; other: force of x, v.
-
-    Leapfrog at a tenth of the sampling time; friction as a steep slope, not the catalogue's law.
-    """
-    reference, u, y = stretch * moves(N), np.zeros(N), np.zeros(N)
-    x, v, before, line = 0.0, 0.0, 0.0, np.zeros(delay + 1)
-
-    def acceleration(x, v, force):
-        friction = coulomb * min(max(v / 2e-4, -1), 1) + asymmetry * abs(v) + (other(x, v) if other else 0.0)
-        return (force - DAMPING * v - friction + ripple * np.sin(2 * np.pi * x / PITCH + phase)) / MASS
-
-    kicks = pulses * ((np.arange(N) // 700) % 3 == 1)
-    for k in range(N):
-        y[k] = x + 1e-7 * rng.standard_normal()
-        speed = (y[k] - before) / H if k else 0.0
-        before = y[k]
-        u[k] = 6000 * (60 * (reference[k] - y[k]) - speed) + kicks[k]
-        line = np.append(line[1:], u[k])
-        for _ in range(FINE):
-            v += H / FINE / 2 * acceleration(x, v, line[0])
-            x += H / FINE * v
-            v += H / FINE / 2 * acceleration(x, v, line[0])
-    return Record(H * np.arange(N), u[:, None], y[:, None], hold="zoh")
+sys.path.remove(str(STUDY))
 
 
 @pytest.fixture(scope="module")

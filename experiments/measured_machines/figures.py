@@ -68,7 +68,7 @@ def _budget(axes: Any, values: dict[str, Any]) -> None:
 
 def _judged(record: Record, problem: ForceProblem, model: Model, without: tuple[str, ...] = ()) -> OnForce:
     kept = tuple(e for e in model.effects if e.name not in without)
-    return judge_on_force(replace(model, effects=kept), record, problem)
+    return judge_on_force({"one": replace(model, effects=kept)}, record, problem)["one"]
 
 
 def _motion_at(record: Record, problem: ForceProblem, judged: OnForce) -> tuple[Array, Array]:

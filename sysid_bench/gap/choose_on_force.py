@@ -14,7 +14,7 @@ from sysid_bench.gap.choose import BATCHES, UNCLEAN, as_promised
 from sysid_bench.gap.contend import DECOY_NAMES, Contender, best_start, shape_count, subset
 from sysid_bench.gap.finalists import shortlist
 from sysid_bench.gap.force_screen import screen_on_force
-from sysid_bench.gap.held_out import block_losses, earns_on_force, held_out_cost, simplest
+from sysid_bench.gap.held_out import block_losses, earns_on_force, force_of, held_out_cost, simplest
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import Fit, Point, fit, free_parameters
 from sysid_bench.gap.screen import Candidate
@@ -93,7 +93,8 @@ def _simplest(problem: ForceProblem, contenders: list[Contender], rules: Rules) 
     best = contenders[int(np.argmin([x.sum() for x in losses]))]
     related = [subset(c.effect, best.effect) for c in contenders]
     ranks = [_rank(c.fit, c.effect) for c in contenders]
-    return contenders[simplest(losses, ranks, related, (rules.second_share, rules.practical))]
+    force = force_of(problem, best.fit)
+    return contenders[simplest(losses, ranks, related, (rules.second_share, rules.practical), force)]
 
 
 def _fitted(

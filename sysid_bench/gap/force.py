@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid_bench.effects import effect_class
-from sysid_bench.gap.inverse import ForceProblem, fade, measured_motion, own_phases, rows_of
+from sysid_bench.gap.inverse import PHASE, ForceProblem, fade, measured_motion, own_phases, rows_of
 from sysid_bench.gap.laps import force_floor
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, trace_of, white_floor
@@ -19,7 +19,7 @@ from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, Model, Record
 
 NOISY = 0.1  # share of noise in the force's power at which the band ends
-FIRST_PART = 0.25  # of a test record: its own phases are fitted there, the gap is taken on the rest
+FIRST_PART = 0.25  # of a test record (and of what shows a phase): phases are fitted there, the gap is taken on the rest
 # A drifting position cannot tell these from an offset of the force, which is fitted from the start.
 DRIFTING = frozenset({"sensor_bias", "sensor_drift", "constant_force", "sensor_scale"})
 # What such a drive cuts off cannot be read back from the motion: with less force given, less is missing.
@@ -119,16 +119,31 @@ class OnForce:
     floor: float
 
 
-def judge_on_force(model: Model, record: Record, problem: ForceProblem) -> OnForce:
-    """The gap of one model on one record; the record's own phases are fitted on its first quarter."""
-    like = problem.traces[0]
-    trace = force_banded(cropped(trace_of(record, problem.model)), float(like.omega[-1]) * (1 + 1e-9))
+def judge_on_force(models: dict[str, Model], record: Record, problem: ForceProblem) -> dict[str, OnForce]:
+    """The gaps of several models on one record, all on the same rest of it; the last one says where that begins."""
+    end = float(problem.traces[0].omega[-1]) * (1 + 1e-9)
+    trace = force_banded(cropped(trace_of(record, problem.model)), end)
     here = replace(problem, traces=(trace,), motions=(measured_motion(trace),))
-    first = np.arange(2 * trace.F) < FIRST_PART * 2 * trace.F
+    first = first_part(here, list(models.values())[-1])
+    return {name: _judged(here, model, first, problem.traces[0].weight[0]) for name, model in models.items()}
+
+
+def first_part(here: ForceProblem, model: Model) -> np.ndarray:
+    """(2 F,) bool: the first quarter of a record; more where that holds less than a quarter of what shows a phase."""
+    rows = 2 * here.traces[0].F
+    last = FIRST_PART * rows
+    for effect in (e for e in model.effects if e.path == "force" and PHASE in e.numeric):
+        power = (rows_of(here.traces[0], here.wave(effect, 0)) ** 2).sum(axis=1) * here.kept(0)
+        last = max(last, np.searchsorted(np.cumsum(power), FIRST_PART * power.sum()) + 1)
+    return np.arange(rows) < min(last, 0.75 * rows)
+
+
+def _judged(here: ForceProblem, model: Model, first: np.ndarray, weight: Array) -> OnForce:
+    trace, rows = here.traces[0], len(first)
     own = replace(model, effects=own_phases(here, 0, model, first))
     given, needed = (rows_of(trace, x, keep=False) for x in here.forces(own, 0))
-    t = trace.t0 + np.arange(2 * trace.F) * trace.N * trace.h / (2 * trace.F)
+    t = trace.t0 + np.arange(rows) * trace.N * trace.h / rows
     scored = here.kept(0) & ~first
     gap, size = given - needed, np.linalg.norm(given[scored])
-    floor = np.sqrt(scored.sum() * np.sum(1 / like.weight[0] ** 2)) / size
+    floor = np.sqrt(scored.sum() * np.sum(1 / weight**2)) / size
     return OnForce(own, t, given, needed, float(np.linalg.norm(gap[scored]) / size), float(floor))

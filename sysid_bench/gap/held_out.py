@@ -45,10 +45,14 @@ def earns_on_force(problem: ForceProblem, before: Fit, after: Fit, practical: fl
     """True where the held-out gain exceeds two standard errors and `practical` of what is left over the noise."""
     total, error = gain(problem, before, after)
     left = max(before.rss - len(before.rows), 0.0)
-    force = before.rss / problem.share_missed(before) ** 2
-    if total < PRACTICAL**2 * force:
+    if total < PRACTICAL**2 * force_of(problem, before):
         return False
     return total > 2 * error and total > practical * left and total > 25
+
+
+def force_of(problem: ForceProblem, fit: Fit) -> float:
+    """Squared sum of the given force over the rows, in noise floors."""
+    return fit.rss / problem.share_missed(fit) ** 2
 
 
 def held_out_cost(problem: ForceProblem, fit: Fit) -> float:
@@ -56,17 +60,20 @@ def held_out_cost(problem: ForceProblem, fit: Fit) -> float:
     return 2 * float(block_losses(problem, fit).sum())
 
 
-def simplest(losses: list[Array], ranks: list[tuple], related: list[bool], rules: tuple[float, float]) -> int:
+def simplest(
+    losses: list[Array], ranks: list[tuple], related: list[bool], rules: tuple[float, float], force: float
+) -> int:
     """Number of the fit to keep: the lowest rank of those as good as the best on held-out blocks.
 
     losses per fit and block; related: the best is this one with more shape; rules: what a richer shape must take of
-    what the simpler leaves, and a stranger of what the best leaves. Within two standard errors all are as good.
+    what the simpler leaves, and a stranger of what the best leaves; force: its squared sum over the rows, of which a
+    richer shape must take a practical share. Within two standard errors all are as good.
     """
     best = losses[int(np.argmin([x.sum() for x in losses]))]
     as_good = []
     for k, loss in enumerate(losses):
         behind, (richer, stranger) = loss - best, rules
-        allowed = richer * loss.sum() if related[k] else stranger * best.sum()
+        allowed = max(richer * loss.sum(), PRACTICAL**2 * force) if related[k] else stranger * best.sum()
         unclear = (
             behind.sum() < 2 * np.std(behind, ddof=1) * np.sqrt(BLOCKS) and behind.sum() < 0.1 * best.sum()
         )

@@ -52,6 +52,10 @@ class ForceProblem(Problem):
         given, needed = self.forces(model, k)
         return given - needed
 
+    def wave(self, effect: Effect, k: int) -> Array:
+        """(N, n) force of one effect along the motion of trace k."""
+        return lone_force(effect, self.motions[k], self.traces[k], self.model.n)
+
     def kept(self, k: int) -> np.ndarray:
         """(2 F,) bool: rows of trace k away from its ends and from samples that are not good."""
         trace = self.traces[k]
@@ -117,7 +121,7 @@ class ForceProblem(Problem):
     def _share(self, effect: Effect, e: int, k: int, model: Model) -> Array:
         """(N, n) needed minus given force, as far as effect number e has a part in it."""
         if effect.path == "force":
-            return lone_force(effect, self.motions[k], self.traces[k], self.model.n)
+            return self.wave(effect, k)
         effects = tuple(effect if i == e else x for i, x in enumerate(model.effects))
         return -self.residual(replace(model, effects=effects), k)
 
@@ -222,7 +226,7 @@ def own_phases(problem: ForceProblem, k: int, model: Model, part: Any = slice(No
     columns = []
     for e in waves:
         for phase in (0.0, np.pi / 2):
-            columns.append(_at_phase(problem, k, replace(effects[e], **{PHASE: phase})))
+            columns.append(problem.wave(replace(effects[e], **{PHASE: phase}), k))
     trace, kept = problem.traces[k], np.zeros(2 * problem.traces[k].F, dtype=bool)
     kept[part] = True
     kept &= problem.kept(k)
@@ -232,7 +236,3 @@ def own_phases(problem: ForceProblem, k: int, model: Model, part: Any = slice(No
     for i, e in enumerate(waves):
         effects[e] = replace(effects[e], **{PHASE: float(np.arctan2(c[2 * i + 1], c[2 * i]))})
     return tuple(effects)
-
-
-def _at_phase(problem: ForceProblem, k: int, effect: Effect) -> Array:
-    return lone_force(effect, problem.motions[k], problem.traces[k], problem.model.n)

@@ -141,7 +141,8 @@ def _on_the_force(
     """The given, the refitted linear and the better model, judged on the force of the test records."""
     refitted = problem.at(linear.point.theta, linear.point.effects)
     models = {"given": given, "refitted": refitted, "better": better}
-    return {name: [judge_on_force(m, r, problem) for r in test] for name, m in models.items()}
+    found = [judge_on_force(models, r, problem) for r in test]
+    return {name: [one[name] for one in found] for name in models}
 
 
 def with_faults(model: Model, check: DataCheck) -> tuple[Model, tuple[Effect, ...]]:
