@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.contend import (
     CLOSED,
     Arena,
@@ -25,7 +26,7 @@ from sysid_bench.gap.finalists import polished_screen, shortlist
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.problem import Fit, Problem, evaluate, fit, free_parameters
-from sysid_bench.gap.screen import Candidate, Screen, screen
+from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.finalists import FRICTION, relatives
 from sysid_bench.gap.problem import SMOOTH, Fit, Point, Problem, evaluate, fit, free_parameters
-from sysid_bench.gap.screen import Candidate
 from sysid_bench.mechanics.effect import Effect
 
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)

@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid_bench.gap.basis import thin
+from sysid_bench.gap.candidates import Candidate, Screen
+from sysid_bench.gap.columns import actuated_difference, force_columns, mode_column
 from sysid_bench.gap.motion import Seen, force_along
 from sysid_bench.gap.problem import Point, Problem, free_parameters
-from sysid_bench.gap.screen import Candidate, Screen, actuated_difference, force_columns, mode_column, thin
 from sysid_bench.mechanics.effect import POSITIVE, Effect, direction
 from sysid_bench.nouns import Array
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from sysid_bench.gap.candidates import Screen
 from sysid_bench.gap.contend import DECOY_NAMES, Contender
 from sysid_bench.gap.problem import Fit
-from sysid_bench.gap.screen import Screen
 
 
 @dataclass(frozen=True)

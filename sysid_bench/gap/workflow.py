@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.effects import effect_class, names
+from sysid_bench.gap.candidates import Screen
 from sysid_bench.gap.check_data import DataCheck, check_data
 from sysid_bench.gap.choose import choose
 from sysid_bench.gap.choose_on_force import choose_on_force
@@ -20,7 +21,7 @@ from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
-from sysid_bench.gap.screen import Screen, screen
+from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Rules, Story
 from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics import stepping

@@ -1,0 +1,195 @@
+"""places, catalogue -> the columns of every suspect: forces, hidden masses, couplings, input and sensor effects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sysid_bench.gap.basis import Basis, stack
+from sysid_bench.gap.candidates import Shelf, free_count, shelved
+from sysid_bench.gap.columns import (
+    actuated_difference,
+    force_columns,
+    held_otherwise,
+    mode_columns,
+    plain_response,
+    sensor_columns,
+)
+from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.locate import unexplained_force
+from sysid_bench.gap.motion import Seen as SeenMotion
+from sysid_bench.gap.motion import force_along
+from sysid_bench.gap.problem import Point, Problem, frequency_range
+from sysid_bench.gap.search import Search, sizes
+from sysid_bench.mechanics.effect import Suspect, direction
+from sysid_bench.mechanics.nonlinear import effect_channels
+from sysid_bench.nouns import Array
+
+
+def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) -> Shelf | None:
+    n = problem.model.n
+    c = direction(place, n)
+    first = seens[0]
+    force, residual = unexplained_force(problem, first, b.lefts[0])
+    x_rms = float((first.q @ c).std())
+    if x_rms == 0:
+        return None
+    low, high = frequency_range(problem.model, seens[0].trace)
+    search = Search(problem, first, c, force, residual, low, high)
+    size = sizes(problem, first, c, None, search)
+    taken = {(e.name, e.dof) for e in point.effects}
+    suspects: list[tuple[Suspect, bool]] = []
+    for kind in (*catalogue, *DECOYS):
+        if kind.path != "force" or (kind.name, place) in taken or _not_here(kind.name, place):
+            continue
+        suspects += [(one, kind in DECOYS) for one in kind(dof=place).suspects(size)]
+    columns, groups, decoy, at = [], [], [], 0
+    for one, is_decoy in suspects:
+        columns += list(one.columns)
+        width = len(one.columns)
+        groups.append((at, at + width, one.make, max(width, free_count(one.columns[0]))))
+        decoy.append(is_decoy)
+        at += width
+    forces = [
+        np.column_stack([force_along(e, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for e in columns])
+        for s in seens
+    ]
+    blocks = [force_columns(s, c, f) for s, f in zip(seens, forces)]
+    if isinstance(place, int) and any(k.name == "extra_mode" for k in catalogue):
+        more, makes = _hidden_modes(problem, seens, c, place, catalogue)
+        blocks = [np.concatenate([one, two], axis=2) for one, two in zip(blocks, more)]
+        for make in makes:
+            groups.append((at, at + 1, make, 3))
+            decoy.append(False)
+            at += 1
+    return shelved(b, stack(seens, blocks), groups, decoy)
+
+
+def _not_here(name: str, place) -> bool:
+    """Forces from outside act on one DOF."""
+    return isinstance(place, tuple) and name in ("constant_force", "periodic_disturbance")
+
+
+def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
+    """Columns and makers of one more mode at a DOF, over a grid finer than the modes are wide."""
+    kind = next(k for k in catalogue if k.name == "extra_mode")
+    low, high = frequency_range(problem.model, seens[0].trace)
+    grid = [
+        (w, zeta)
+        for zeta, spacing in ((0.02, 1.035), (0.08, 1.1))
+        for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
+    ]
+    w0, zeta = np.array([g[0] for g in grid]), np.array([g[1] for g in grid])
+    blocks = [mode_columns(s, c, w0, zeta) for s in seens]
+
+    def maker(w, zeta):
+        return lambda k: (
+            kind(dof=place, mass=float(k[0]), frequency=float(w / (2 * np.pi)), damping_ratio=zeta)
+            if k[0] > 0
+            else None
+        )
+
+    return blocks, [maker(*g) for g in grid]
+
+
+def couplings(problem: Problem, seens, b: Basis) -> Shelf | None:
+    """Springs and dampers between DOFs that the nominal leaves apart; the diagonal is theirs to move."""
+    from sysid_bench.effects.missing_coupling import MissingCoupling
+
+    n, K = problem.model.n, problem.model.stiffness
+    pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if K[i, j] == 0]
+    blocks, groups = [[] for _ in seens], []
+    for k, pair in enumerate(pairs):
+        c = direction(pair, n)
+        for block, s in zip(blocks, seens):
+            block.append(force_columns(s, c, np.column_stack([s.q @ c, s.v @ c])))
+        groups.append((2 * k, 2 * k + 2, _coupling_maker(MissingCoupling, pair), 2))
+    if not pairs:
+        return None
+    A = stack(seens, [np.concatenate(block, axis=2) for block in blocks])
+    return shelved(b, A, groups, [False] * len(groups))
+
+
+def _coupling_maker(kind, pair):
+    return lambda c: kind(dof=pair, stiffness=float(c[0]), damping=float(c[1])) if c[0] > 0 else None
+
+
+def on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> Shelf | None:
+    L = problem.model.input_map
+    blocks, groups, decoy, at = [[] for _ in seens], [], [], 0
+    taken = {(e.name, e.dof) for e in point.effects}
+    plain = [plain_response(problem, seens[0], channel) for channel in range(L.shape[1])]
+    for kind in (*catalogue, *DECOYS):
+        if kind.path != "actuator" or kind.name == "wrong_hold":
+            continue
+        for channel in range(L.shape[1]):
+            dof = int(np.argmax(np.abs(L[:, channel])))
+            effect = kind(dof=dof)
+            if (kind.name, dof) in taken or effect_channels(effect, L) != [channel]:
+                continue
+            size = sizes(problem, seens[0], direction(dof, problem.model.n), channel, lambda kind: [])
+            for one in effect.suspects(size):
+                new = [actuated_difference(problem, point, s, None, one.columns[0]) for s in seens]
+                if _only_gain(seens[0], new[0], plain[channel]):
+                    continue
+                for block, column in zip(blocks, new):
+                    block.append(column)
+                groups.append((at, at + 1, one.make, 1))
+                decoy.append(kind in DECOYS)
+                at += 1
+    for hold in () if any(e.name == "wrong_hold" for e in point.effects) else ("zoh", "foh", "cubic"):
+        if not any(k.name == "wrong_hold" for k in catalogue) or hold == seens[0].trace.hold:
+            continue
+        kind = next(k for k in catalogue if k.name == "wrong_hold")
+        for block, s in zip(blocks, seens):
+            block.append(held_otherwise(problem, s, hold))
+        groups.append((at, at + 1, _hold_maker(kind, hold), 1))
+        decoy.append(False)
+        at += 1
+    if not groups:
+        return None
+    return shelved(b, stack(seens, [np.concatenate(block, axis=2) for block in blocks]), groups, decoy)
+
+
+def _hold_maker(kind, hold):
+    return lambda c: kind(dof=None, hold=hold) if 0.6 < c[0] < 1.5 else None
+
+
+def _only_gain(s: SeenMotion, column: np.ndarray, plain: Array) -> bool:
+    """True where a changed input acts in the band as the input times a number: a gain, not an effect."""
+    d = s.trace.rows(column)[:, 0]
+    size = np.linalg.norm(d)
+    if size < 1e-6 * np.linalg.norm(plain):
+        return True
+    return bool(np.linalg.norm(d - plain * (plain @ d) / max(plain @ plain, 1e-300)) < 0.02 * size)
+
+
+def on_the_sensors(problem: Problem, seens, b: Basis, catalogue) -> Shelf | None:
+    known = {k.name: k for k in catalogue}
+    C = problem.model.output_map
+    blocks, groups, at = [[] for _ in seens], [], 0
+    for channel in range(len(C)):
+        dof = int(np.argmax(np.abs(C[channel])))
+        for name in ("sensor_bias", "sensor_drift", "sensor_scale"):
+            if name not in known or (name == "sensor_scale" and len(C) < 2):
+                continue
+            for block, s in zip(blocks, seens):
+                block.append(sensor_columns(s, name, channel))
+            width = blocks[0][-1].shape[2]
+            duration = seens[0].trace.N * seens[0].trace.h
+            groups.append((at, at + width, _sensor_maker(known[name], dof, duration), width))
+            at += width
+    if not groups:
+        return None
+    A = stack(seens, [np.concatenate(block, axis=2) for block in blocks])
+    return shelved(b, A, groups, [False] * len(groups))
+
+
+def _sensor_maker(kind, dof: int, duration: float):
+    def make(c):
+        if kind.name == "sensor_bias":
+            return kind(dof=dof, bias=float(c[0]))
+        if kind.name == "sensor_scale":
+            return kind(dof=dof, factor=1 + float(c[0])) if -0.6 < c[0] < 1.5 else None
+        return kind(dof=dof, rate=float(c[0]) / duration, curvature=float(c[1]) / duration**2)
+
+    return make
