@@ -9,10 +9,11 @@ import pytest
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.contend import Arena, at_rest, refine
+from sysid_bench.gap.descent import fit, free_parameters
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.polish import polished_candidate
-from sysid_bench.gap.problem import Point, evaluate, fit, free_parameters
+from sysid_bench.gap.problem import Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.workflow import prepared

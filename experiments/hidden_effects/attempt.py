@@ -14,7 +14,8 @@ from draw import Draw, Trial
 
 from sysid_bench.effects import effect_class
 from sysid_bench.gap.contend import best_start
-from sysid_bench.gap.problem import Fit, Point, Problem, fit, free_parameters
+from sysid_bench.gap.descent import Fit, fit, free_parameters
+from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.prove import prove
 from sysid_bench.gap.show import deviations, rivals
 from sysid_bench.gap.workflow import Answer, find_gap

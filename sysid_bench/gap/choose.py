@@ -22,10 +22,11 @@ from sysid_bench.gap.contend import (
     refine,
     shape_count,
 )
+from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen, shortlist
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.problem import Fit, Problem, evaluate, fit, free_parameters
+from sysid_bench.gap.problem import Problem, evaluate
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect

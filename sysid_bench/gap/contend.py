@@ -8,8 +8,10 @@ import numpy as np
 
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, relatives
-from sysid_bench.gap.problem import SMOOTH, Fit, Point, Problem, evaluate, fit, free_parameters
+from sysid_bench.gap.free_run import SMOOTH
+from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.mechanics.effect import Effect
 
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)

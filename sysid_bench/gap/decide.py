@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid_bench.gap.contend import DECOY_NAMES
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.held_out import PRACTICAL
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.problem import MATRICES, Fit, Problem
+from sysid_bench.gap.problem import MATRICES, Problem
 from sysid_bench.gap.story import Story
 
 

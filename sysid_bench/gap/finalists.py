@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from sysid_bench.effects import effect_class
 from sysid_bench.gap.candidates import Candidate, Screen
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.polish import polished_candidate
-from sysid_bench.gap.problem import Fit, Problem
+from sysid_bench.gap.problem import Problem
 from sysid_bench.mechanics.effect import Effect, direction
 
 FRICTION = ("coulomb_friction", "stribeck_friction", "presliding_friction")

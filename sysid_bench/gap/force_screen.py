@@ -9,9 +9,10 @@ import numpy as np
 from sysid_bench.gap.basis import Basis, thin
 from sysid_bench.gap.candidates import Candidate, Screen, free_count, judge
 from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.inverse import ForceProblem, lone_force, own_phases
 from sysid_bench.gap.locate import places
-from sysid_bench.gap.problem import Fit, frequency_range
+from sysid_bench.gap.problem import frequency_range
 from sysid_bench.mechanics.effect import Effect, Seen, Suspect, direction
 from sysid_bench.nouns import Array, Model
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.problem import Fit
 from sysid_bench.nouns import Array
 
 BLOCKS = 12

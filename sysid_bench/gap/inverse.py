@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.motion import Moved, force_along
-from sysid_bench.gap.problem import Fit, Point, Problem
+from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.effect import Effect, direction
 from sysid_bench.mechanics.nonlinear import Assembly, actuated, assemble, trajectory

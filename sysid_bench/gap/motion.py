@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_bench.gap.problem import Point, Problem, hold_of, shown, substeps_for
+from sysid_bench.gap.free_run import hold_of, shown, substeps_for
+from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.effect import Effect, law_tapes

@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sysid_bench.gap.candidates import Candidate, Screen, beside
+from sysid_bench.gap.descent import free_parameters
 from sysid_bench.gap.polish import Polished, polish, polishable, rows_of
-from sysid_bench.gap.problem import Problem, free_parameters
+from sysid_bench.gap.problem import Problem
 from sysid_bench.mechanics.effect import Effect
 
 FIRSTS, SECONDS = 6, 4  # suspects taken as one of a pair, partners polished with each

@@ -14,8 +14,9 @@ import numpy as np
 from sysid_bench.gap.basis import thin
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.columns import actuated_difference, force_columns, mode_column
+from sysid_bench.gap.descent import free_parameters
 from sysid_bench.gap.motion import Seen, force_along
-from sysid_bench.gap.problem import Point, Problem, free_parameters
+from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.effect import POSITIVE, Effect, direction
 from sysid_bench.nouns import Array
 

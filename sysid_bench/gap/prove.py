@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_bench.gap.problem import Point, Problem, evaluate, fit, run, shown
+from sysid_bench.gap.descent import fit
+from sysid_bench.gap.free_run import run, shown
+from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.gap.traces import Trace, banded, noise_floor, trace_of
 from sysid_bench.nouns import Array, Model, Record
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from sysid_bench.gap.basis import basis, thin
 from sysid_bench.gap.columns import force_columns
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.locate import explained_by_place
 from sysid_bench.gap.motion import seen
-from sysid_bench.gap.problem import Fit, Problem
+from sysid_bench.gap.problem import Problem
 from sysid_bench.mechanics.effect import direction
 from sysid_bench.nouns import Array
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_bench.gap.basis import basis
+from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.motion import seen
-from sysid_bench.gap.problem import Fit, Point, Problem, evaluate, fit, free_parameters
+from sysid_bench.gap.problem import Point, Problem, evaluate
 
 
 def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point | None:

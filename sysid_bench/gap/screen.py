@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from sysid_bench.gap.basis import basis
 from sysid_bench.gap.candidates import Screen, judged
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.locate import explained_by_place, places, promise_of
 from sysid_bench.gap.motion import seen
-from sysid_bench.gap.problem import Fit, Problem
+from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.suspects import at_place, couplings, on_the_input, on_the_sensors
 from sysid_bench.mechanics.effect import Effect
 

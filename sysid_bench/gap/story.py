@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from sysid_bench.gap.candidates import Screen
 from sysid_bench.gap.contend import DECOY_NAMES, Contender
-from sysid_bench.gap.problem import Fit
+from sysid_bench.gap.descent import Fit
 
 
 @dataclass(frozen=True)

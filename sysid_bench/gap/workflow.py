@@ -16,9 +16,10 @@ from sysid_bench.gap.choose_on_force import choose_on_force
 from sysid_bench.gap.colour import Floor, mean_floor
 from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
+from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
-from sysid_bench.gap.problem import Fit, Problem, evaluate, frequency_range, problem_of
+from sysid_bench.gap.problem import Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
@@ -190,7 +191,7 @@ def _nominal_rho(problem: Problem) -> float:
 
 def _floor(problem: Problem, lattice: Array, omega: float) -> Floor:
     """Noise over all traces: per channel the smaller of what the nominal leaves and what y itself shows on high."""
-    from sysid_bench.gap.problem import run, shown
+    from sysid_bench.gap.free_run import run, shown
 
     point = problem.nominal()
     model = problem.at(point.theta, point.effects)
