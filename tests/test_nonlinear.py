@@ -6,8 +6,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from sysid_bench.effects import effect, names
-from sysid_bench.mechanics.nonlinear import Stepper, assemble, simulate
+from sysid_bench.mechanics.assembly import assemble
+from sysid_bench.mechanics.nonlinear import simulate
 from sysid_bench.mechanics.stages import spline_values, stage_values
+from sysid_bench.mechanics.stepper import Stepper
 from sysid_bench.nouns import Plant
 
 H, N = 0.1, 400
@@ -166,7 +168,7 @@ def test_derivatives_of_the_trajectory_agree_with_differences(name):
 
     def run(values, mass, extra=0.0):
         plant = Plant([[mass, 0], [0, 2.0]], TWO["damping"], TWO["stiffness"], input_map=TWO["input_map"], effects=(base.with_values(values), other))  # fmt: skip
-        from sysid_bench.mechanics.nonlinear import trajectory
+        from sysid_bench.mechanics.trajectory import trajectory
 
         return trajectory(assemble(plant), stage_values(u, H, "zoh", 4), H, 4, np.array([extra, 0, 0, 0]))
 

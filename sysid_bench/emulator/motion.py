@@ -54,7 +54,7 @@ class NonlinearMotion:
     """Plants with effects, by the suite's simulation of them; steps of one length only."""
 
     def __init__(self, plant: Plant, h: float) -> None:
-        from sysid_bench.mechanics.nonlinear import Stepper  # compiles loops: only where a plant has effects
+        from sysid_bench.mechanics.stepper import Stepper  # compiles loops: only where a plant has effects
 
         Stepper(plant, h).step(np.zeros(plant.nu))  # compiled now: a tick does not wait
         self._stepper, self._n = Stepper(plant, h), plant.n

@@ -10,8 +10,9 @@ from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.motion import force_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
+from sysid_bench.mechanics.assembly import actuated
 from sysid_bench.mechanics.effect import Effect, direction
-from sysid_bench.mechanics.nonlinear import actuated, trajectory
+from sysid_bench.mechanics.trajectory import trajectory
 from sysid_bench.nouns import Array
 
 

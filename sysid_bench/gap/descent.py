@@ -8,9 +8,7 @@ import numpy as np
 
 from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.mechanics.effect import Effect
-from sysid_bench.mechanics.nonlinear import (
-    Trajectory,
-)
+from sysid_bench.mechanics.trajectory import Trajectory
 from sysid_bench.nouns import Array
 
 

@@ -9,15 +9,9 @@ import numpy as np
 
 from sysid_bench.gap.sensitivity import derivatives, variables
 from sysid_bench.gap.traces import Trace
+from sysid_bench.mechanics.assembly import Assembly, assemble, measured, sensor_channels
 from sysid_bench.mechanics.effect import Effect
-from sysid_bench.mechanics.nonlinear import (
-    Assembly,
-    Trajectory,
-    assemble,
-    measured,
-    sensor_channels,
-    trajectory,
-)
+from sysid_bench.mechanics.trajectory import Trajectory, trajectory
 from sysid_bench.nouns import Array, Model
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.motion import Moved, force_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
+from sysid_bench.mechanics.assembly import Assembly, actuated, assemble
 from sysid_bench.mechanics.effect import Effect, direction
-from sysid_bench.mechanics.nonlinear import Assembly, actuated, assemble, trajectory
 from sysid_bench.mechanics.stages import stage_values
+from sysid_bench.mechanics.trajectory import trajectory
 from sysid_bench.nouns import Array, Model
 
 ENDS = 0.04  # of a record at either end: brought to zero, and left out of the rows

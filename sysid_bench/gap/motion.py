@@ -10,9 +10,10 @@ from sysid_bench.gap.free_run import hold_of, shown, substeps_for
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics import stepping
+from sysid_bench.mechanics.assembly import Assembly, assemble
 from sysid_bench.mechanics.effect import Effect, law_tapes
-from sysid_bench.mechanics.nonlinear import Assembly, Trajectory, assemble, trajectory
 from sysid_bench.mechanics.tape import over
+from sysid_bench.mechanics.trajectory import Trajectory, trajectory
 from sysid_bench.nouns import Array
 
 

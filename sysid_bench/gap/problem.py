@@ -10,9 +10,7 @@ import numpy as np
 from sysid_bench.gap.free_run import free_run, free_run_jacobian
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.effect import POSITIVE, Effect
-from sysid_bench.mechanics.nonlinear import (
-    Trajectory,
-)
+from sysid_bench.mechanics.trajectory import Trajectory
 from sysid_bench.nouns import Array, Model
 
 MATRICES = ("mass", "damping", "stiffness")

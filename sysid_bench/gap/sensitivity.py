@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid_bench.mechanics import stepping
-from sysid_bench.mechanics.nonlinear import Trajectory
+from sysid_bench.mechanics.tangents import tangents
+from sysid_bench.mechanics.trajectory import Trajectory
 from sysid_bench.nouns import Array
 
 
@@ -40,7 +40,7 @@ def derivatives(run: Trajectory, wanted: Variables, keep: Array) -> Array:
     follows = np.concatenate([*rest, np.zeros(0)])
     out = np.empty((N, len(keep), len(wanted)))
     G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
-    stepping.tangents(
+    tangents(
         step.Ad, G0, G1, step.falling, step.rising, A.directions, run.X, run.F, run.Z, run.accelerations(),
         laws.slopes, laws.p, laws.spans, laws.work, laws.results, run.t0, run.h,
         wanted.kind, wanted.row, wanted.column, follows, np.ascontiguousarray(keep, dtype=float), out,

@@ -20,8 +20,8 @@ from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.motion import force_along
 from sysid_bench.gap.problem import Point, Problem, frequency_range
 from sysid_bench.gap.search import Search, sizes
+from sysid_bench.mechanics.assembly import effect_channels
 from sysid_bench.mechanics.effect import Suspect, direction
-from sysid_bench.mechanics.nonlinear import effect_channels
 from sysid_bench.nouns import Array
 
 

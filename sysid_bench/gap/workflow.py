@@ -28,6 +28,7 @@ from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.compiled import SECONDS, is_compiled
 from sysid_bench.mechanics.effect import Effect
+from sysid_bench.mechanics.tangents import tangents
 from sysid_bench.nouns import Array, InputError, Model, Record
 
 
@@ -98,7 +99,7 @@ def find_gap(
     rules, thresholds = rules or Rules(), thresholds or Thresholds()
     if not model.has_values:
         raise InputError("the gap workflow needs a model with mass, damping and stiffness values.")
-    if not (is_compiled(stepping.run) and is_compiled(stepping.tangents)):
+    if not (is_compiled(stepping.run) and is_compiled(tangents)):
         tell(f"compiling the simulation, once per machine: some {SECONDS} seconds")
     check = check_data(train)
     for remark in check.remarks:

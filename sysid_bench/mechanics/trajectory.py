@@ -1,0 +1,113 @@
+"""assembly, stage inputs -> the small steps of one simulation: states, forces, internal states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from sysid_bench.mechanics import stepping
+from sysid_bench.mechanics.assembly import Assembly, actuated, hidden_start, initial_states
+from sysid_bench.mechanics.effect import Effect, law_tapes
+from sysid_bench.mechanics.exact_step import Step, exact_step
+from sysid_bench.mechanics.tape import join
+from sysid_bench.nouns import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Laws:
+    """The force effects' tapes and parameters, as the compiled loops read them."""
+
+    value: tuple
+    slopes: tuple
+    p: Array
+    spans: np.ndarray  # (ne, 4): first and last parameter, first and last state
+    work: int
+    results: int
+
+    @property
+    def nz(self) -> int:
+        return int(self.spans[-1, 3]) if len(self.spans) else 0
+
+
+@lru_cache(maxsize=512)
+def _joined(kinds: tuple) -> tuple:
+    pairs = [law_tapes(effect) for effect in kinds]
+    value, slopes = join([a for a, _, _ in pairs]), join([b for _, b, _ in pairs])
+    return value[:3], slopes[:3], max(value[3], slopes[3]), max([b.outputs for _, b, _ in pairs] + [4])
+
+
+def laws_of(forces: tuple[Effect, ...]) -> Laws:
+    """Tapes of the force effects, joined."""
+    value, slopes, work, results = _joined(tuple(forces))
+    values = [e.values for e in forces]
+    spans, p_at, z_at = [], 0, 0
+    for e, v in zip(forces, values):
+        spans.append([p_at, p_at + len(v), z_at, z_at + e.states])
+        p_at, z_at = p_at + len(v), z_at + e.states
+    p = np.concatenate([*values, np.zeros(0)])
+    return Laws(value, slopes, p, np.array(spans, dtype=np.int64).reshape(-1, 4), work, results)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The small steps of one simulation: X (S+1, nx), F (S+1, ne) forces, Z (S+1, nz), stage inputs (S, 3, n) in N."""
+
+    assembly: Assembly
+    step: Step
+    laws: Laws
+    X: Array
+    F: Array
+    Z: Array
+    stages: Array
+    h: float
+    substeps: int
+    t0: float = 0.0
+
+    def accelerations(self) -> Array:
+        """(S, 2, n) at the start and the end of every small step."""
+        n, A = self.assembly.n, self.assembly
+        rest = self.X[:, n:] @ A.D.T + self.X[:, :n] @ A.K.T + self.F @ A.directions
+        ends = np.stack([self.stages[:, 0] - rest[:-1], self.stages[:, 2] - rest[1:]], axis=1)
+        return ends @ self.step.inverse_mass.T
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """q, v, a (N, n) at the samples, hidden DOFs included; a is that just after the sample."""
+        n, X = self.assembly.n, self.X[:: self.substeps]
+        ends = self.accelerations()
+        a = np.concatenate([ends[:: self.substeps, 0], ends[-1:, 1]])
+        return X[:, :n], X[:, n:], a
+
+
+def trajectory(
+    assembly: Assembly,
+    stages: Array,
+    h: float,
+    substeps: int,
+    x0: Array | None = None,
+    t0: float = 0.0,
+    pushed: Array | None = None,
+) -> Trajectory:
+    """Run the model over stage inputs (S, 3, nu), S = (N-1) substeps, sampling time h. x0 (2 n,), zero where None.
+
+    pushed (S, 3, n_own): further forces on each DOF, past the actuators
+    """
+    small = h / substeps
+    A = assembly
+    step = exact_step(A.M, A.D, A.K, small)
+    laws = laws_of(A.forces)
+    force = actuated(A, stages, small) @ A.L.T
+    if pushed is not None:
+        force[:, :, : A.n_own] += pushed
+    W = force[:, 0] @ step.start.T + force[:, 1] @ step.middle.T + force[:, 2] @ step.end.T
+    x0 = np.zeros(2 * A.n) if x0 is None else hidden_start(A, x0)
+    z0 = initial_states(A.forces, A.directions, x0[: A.n])
+    S, ne = len(W), len(A.forces)
+    X, F, Z = np.empty((S + 1, 2 * A.n)), np.zeros((S + 1, ne)), np.zeros((S + 1, laws.nz))
+    G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
+    stepping.run(
+        step.Ad, W, G0, G1, A.directions, x0, z0, laws.value, laws.p, laws.spans, laws.work, laws.results,
+        t0, small, X, F, Z,
+    )  # fmt: skip
+    return Trajectory(A, step, laws, X, F, Z, force, small, substeps, t0)
