@@ -225,7 +225,9 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
         if without is None or without.rss - now.rss < 25:
             continue
         screened = screen(problem, without, catalogue)
-        best, arena = price(problem, now), Arena(problem, without, leads(problem, screened.seens))
+        # what closes the gap already is renamed only by a name whose own descent finds as much
+        best, closed = price(problem, now), now.rho < 1.1
+        arena = Arena(problem, without, leads(problem, screened.seens), closed=closed)
         for candidate in shortlist(polished_screen(problem, screened), 4):
             if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
                 continue

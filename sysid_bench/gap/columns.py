@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid_bench.gap.free_run import moved
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.motion import force_along
 from sysid_bench.gap.problem import Point, Problem
@@ -113,7 +114,7 @@ def plain_response(problem: Problem, s: SeenMotion, channel: int) -> Array:
 
 
 def measured_spectrum(problem: Problem, trace: Trace, run) -> np.ndarray:
-    q, v, a = run.motion()
+    q, v, a = moved(problem, run)
     y = {"displacement": q, "velocity": v, "acceleration": a}[problem.model.output] @ run.assembly.C.T
     return trace.spectrum(y)[:, :, None]
 

@@ -46,8 +46,13 @@ def run(problem: Problem, trace: Trace, model: Model, x0: Array) -> Trajectory:
 
 def shown(problem: Problem, trace: Trace, run: Trajectory) -> Array:
     """(N, ny) what the sensors would have shown."""
-    q, v, a = run.motion() if problem.model.output == "acceleration" else _states(run)
+    q, v, a = moved(problem, run)
     return measured(run.assembly, problem.model.output, q, v, a, trace.t)
+
+
+def moved(problem: Problem, run: Trajectory) -> tuple[Array, Array, Array]:
+    """q, v, a at the samples; a only where it is what is measured."""
+    return run.motion() if problem.model.output == "acceleration" else _states(run)
 
 
 def _states(run: Trajectory) -> tuple[Array, Array, Array]:
