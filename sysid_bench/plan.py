@@ -9,6 +9,7 @@ import copy
 import hashlib
 import itertools
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ from typing import Any
 from sysid_bench.nouns import Cell, InputError, Task
 from sysid_bench.versions import code_version
 
+MOST_CELLS = 10**7  # of one study: more is a slip of the pen, and its plan would fill the memory
 SCHEMA = 1  # of a row; raise it when the meaning of a column changes
 RECORD_GROUPS = ("plant", "excitation", "noise", "sampling", "source")
 SEEDING_GROUPS = ("plant", "excitation", "noise", "source")
@@ -61,6 +63,11 @@ class Study:
         for key, values in self.axes.items():
             if not isinstance(values, (list, tuple)) or not values:
                 raise InputError(f"axes.{key} must be a list of at least one value; got {values!r}.")
+        cells = self.repetitions * max(1, len(self.cases)) * math.prod(map(len, self.axes.values()))
+        if cells > MOST_CELLS:
+            raise InputError(
+                f"the grid has {cells:.3g} cells; one study takes at most {MOST_CELLS:.0e}. Split it."
+            )
 
 
 def tasks(study: Study) -> Iterator[Task]:

@@ -22,6 +22,7 @@ def study_of(cfg: Mapping[str, Any], overrides: Mapping[str, Any] = {}) -> Study
     knob. Raises InputError for unknown options and knobs.
     """
     plugins = cfg.get("plugins") or conf.Plugins()
+    _check_shapes(cfg)
     cfg = _at_scale(cfg)
     cfg["axes"] = {key: _listed(key, values, plugins) for key, values in cfg["axes"].items()}
     base = {g: Option(cfg["choices"].get(g) or g, cfg[g]) for g in GROUPS if cfg.get(g) is not None}
@@ -38,6 +39,16 @@ def study_of(cfg: Mapping[str, Any], overrides: Mapping[str, Any] = {}) -> Study
         seed=study["seed"], base=base, options=options, axes=cfg["axes"], cases=cfg["cases"],
         only=_pairs(cfg.get("only")), packages=plugins.packages,
     )  # fmt: skip
+
+
+def _check_shapes(cfg: Mapping[str, Any]) -> None:
+    """Raises InputError where a part of the study is not the mapping or list that it must be."""
+    for key in ("study", "axes", "full"):
+        if not isinstance(cfg[key], Mapping):
+            raise InputError(f"{key} must be a mapping, key: value; got {cfg[key]!r:.60}.")
+    cases = cfg["cases"] or []
+    if not isinstance(cases, list) or not all(isinstance(case, Mapping) for case in cases):
+        raise InputError(f"cases must be a list of mappings, each setting some keys; got {cases!r:.60}.")
 
 
 def command_line_knobs(overrides: Iterable[str]) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from sysid_bench.nouns import Model, Record
 from sysid_bench.records import write_record
 
 tried: Counter[str] = Counter()
-METHODS = ("arx", "n4sid_d2c", "n4sid_frf", "mdk_srivc", "variational_pem", "variational_gauss2", "spline_ml")
+SOME = ("arx", "variational_pem", "spline_ml")
+OTHERS = ("n4sid_d2c", "n4sid_frf", "mdk_srivc", "variational_gauss2")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -36,7 +37,10 @@ def call(capsys, verb: str, *words: str) -> tuple[int, str]:
     code = main([verb, *words])
     said = capsys.readouterr()
     assert code in (0, 1, 2) and "Traceback" not in said.err + said.out, said.err
-    assert code != 2 or (said.err.startswith("sysid-bench: ") and said.err.count("\n") == 1), said.err
+    told = [
+        line for line in said.err.splitlines() if not line.startswith("[")
+    ]  # progress of gap: [ 1.23 s] ...
+    assert code != 2 or (len(told) == 1 and told[0].startswith("sysid-bench: ")), said.err
     return code, said.out + said.err
 
 
@@ -109,10 +113,11 @@ REFUSED = {"no samples", "one sample", "nan", "inf", "time stands still", "time 
 NO_ANSWER = {"two samples", "constant input", "constant output", "silence"}
 
 
+@pytest.mark.parametrize("methods", [SOME, pytest.param(OTHERS, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", SPOILT)
-def test_identify_a_spoilt_record(tmp_path: Path, capsys, model: Path, kind: str) -> None:
+def test_identify_a_spoilt_record(tmp_path: Path, capsys, model: Path, kind: str, methods) -> None:
     record = csv(tmp_path / "run.csv", *spoilt(kind))
-    for method in METHODS:
+    for method in methods:
         out = tmp_path / method
         words = [f"record={record}", f"model={model}", f"method={method}", f"out={out}", "views=false"]
         code, said = call(capsys, "identify", *words)

@@ -73,6 +73,20 @@ def test_simulate(tmp_path, capsys, most):
 
 
 @pytest.mark.parametrize("most", [SOME, ALL])
+def test_sweep(tmp_path, capsys, monkeypatch, most):
+    monkeypatch.chdir(tmp_path)  # some nonsense is a folder's name
+    words = [
+        "plant=one_dof",
+        "method=arx_least_squares",
+        "sampling.N=40",
+        "executor=serial",
+        "views=false",
+        "records=none",
+    ]
+    print_counts(capsys, "sweep", tried_on(capsys, "sweep", words, most))
+
+
+@pytest.mark.parametrize("most", [SOME, ALL])
 @pytest.mark.parametrize("method", ["arx", "variational_pem"])
 def test_identify(files, capsys, most, method):
     words = [
