@@ -73,9 +73,10 @@ class Study:
 def tasks(study: Study) -> Iterator[Task]:
     """The grid of a study, record by record, in the order of its axes; repetitions innermost."""
     groups, solver_group = KINDS[study.kind]
-    named = solver_group in study.base or solver_group in study.axes
-    if not named and not all(solver_group in case for case in study.cases or ({},)):
-        raise InputError(f"a study of kind {study.kind} needs {solver_group}=...")
+    for group in (*groups, solver_group):
+        named = group in study.base or group in study.axes
+        if not named and not all(group in case for case in study.cases or ({},)):
+            raise InputError(f"a study of kind {study.kind} needs {group}=...")
     for point, solver_points in _points(study, solver_group):
         chosen = _choose(study, point, groups)
         solvers = [(_choose(study, p, (solver_group,))[solver_group], p) for p in solver_points]
