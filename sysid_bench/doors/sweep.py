@@ -78,6 +78,8 @@ def study_folder(results: Path, name: str) -> Path:
 
 
 def _statuses(text: str | None) -> list[str]:
+    if not isinstance(text, str | None):
+        raise InputError(f"retry must be statuses separated by commas; got {text!r:.60}.")
     words = [word for word in (text or "").split(",") if word]
     for word in words:
         if word not in STATUSES:
