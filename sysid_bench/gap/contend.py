@@ -182,7 +182,10 @@ def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -
         behind = other.cost - best.cost
         if behind > max(margin, nested) or other.fit.rho > 1.4 * best.fit.rho + 0.1:
             break
-        named = best.is_decoy and not other.is_decoy and behind < max(20.0, margin / 3)
+        # a shape that fits better with fewer parameters is not overruled by a name that only bends towards it
+        plainer = shape_count(best.fit.point.effects) < shape_count(other.fit.point.effects)
+        near = 20.0 if plainer else max(20.0, margin / 3)
+        named = best.is_decoy and not other.is_decoy and behind < near
         if named or (behind < nested and not other.is_decoy and subset(other.effect, best.effect)):
             return other
     return best
