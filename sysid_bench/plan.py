@@ -139,7 +139,7 @@ def _task(
     labels = {group: option.name for group, option in chosen.items() if group != "sampling"}
     labels |= {key: value for key, value in point.items() if "." in key}
     sampling = chosen["sampling"].node
-    labels |= {"sampling.h_s": float(sampling["h_s"]), "sampling.N": int(sampling["N"])}
+    labels |= {f"sampling.{key}": _as(kind, sampling[key], key) for key, kind in (("h_s", float), ("N", int))}
     if "snr_db" in chosen.get("noise", Option("", {})).node:
         labels |= {"noise.snr_db": _label(chosen["noise"].node["snr_db"])}
     seed = seed_of(study.seed, labels, repetition)
@@ -154,6 +154,13 @@ def _task(
     return Task(
         study.name, study.kind, parts, seed, repetition, labels, cells, record_key, study.packages
     )  # fmt: skip
+
+
+def _as(kind: type, value: Any, key: str) -> Any:
+    try:
+        return kind(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"sampling.{key} must be a number; got {value!r:.60}.") from None
 
 
 def _cell(
