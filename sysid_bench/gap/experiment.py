@@ -82,7 +82,7 @@ def difference(problem: Problem, one: Fit, other: Fit, signal: Signal) -> float 
 
 def _simulated(problem: Problem, one: Fit, signal: Signal) -> Trace | None:
     """What the fitted model would show from rest, in the band of the training records."""
-    old, model = problem.traces[0], problem.at(one.point.theta, one.point.effects)
+    old, model = problem.traces[0], problem.model_at(one.point)
     N = len(signal.u)
     empty = Trace(
         signal.u,

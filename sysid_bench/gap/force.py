@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid_bench.effects import effect_class
+from sysid_bench.effects import effect
 from sysid_bench.gap.inverse import PHASE, ForceProblem, fade, measured_motion, own_phases, rows_of
 from sysid_bench.gap.laps import force_floor
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, trace_of, white_floor
-from sysid_bench.mechanics.effect import Effect
+from sysid_bench.mechanics.effect import Effect, as_effects
 from sysid_bench.nouns import Array, Model, Record
 
 NOISY = 0.1  # share of noise in the force's power at which the band ends
@@ -32,9 +32,10 @@ ONLY_FREE = frozenset({"asymmetric_friction", "friction_behind_play"})
 
 def floats(model: Model) -> bool:
     """True where the model can move away freely and every DOF is seen as a displacement."""
-    stiffness = np.linalg.eigvalsh(model.stiffness)[0]
+    M, _, K = model.matrices
+    stiffness = np.linalg.eigvalsh(K)[0]
     seen = model.output == "displacement" and np.array_equal(model.output_map, np.eye(model.n))
-    return bool(seen and stiffness <= 1e-9 * np.linalg.eigvalsh(model.mass)[-1])
+    return bool(seen and stiffness <= 1e-9 * np.linalg.eigvalsh(M)[-1])
 
 
 def admissible(catalogue: list[type[Effect]], model: Model) -> list[type[Effect]]:
@@ -47,8 +48,8 @@ def with_offset(model: Model) -> Model:
     """The model with an offset of the force on every DOF that is free to drift, zero to begin with."""
     if not floats(model) or any(e.name == "constant_force" for e in model.effects):
         return model
-    kind = effect_class("constant_force")
-    return replace(model, effects=(*model.effects, *(kind(dof=i, force=0.0) for i in range(model.n))))
+    offsets = (effect("constant_force", i, {"force": 0.0}) for i in range(model.n))
+    return replace(model, effects=(*model.effects, *offsets))
 
 
 def on_force(problem: Problem, lattice: Array) -> tuple[ForceProblem, str]:
@@ -89,9 +90,9 @@ def band_on_force(model: Model, trace: Trace, lattice: Array) -> float:
     omega = 2 * np.pi * np.fft.rfftfreq(trace.N, trace.h)
     given = _between_ends(trace.u) @ model.input_map.T
     S = np.abs(np.fft.rfft(given, axis=0)) ** 2 / trace.N
-    kernel, end = np.ones(SMOOTHING_BINS) / SMOOTHING_BINS, 0.0
+    kernel, end, (M, _, _) = np.ones(SMOOTHING_BINS) / SMOOTHING_BINS, 0.0, model.matrices
     for i in np.flatnonzero(np.any(model.input_map != 0, axis=1)):
-        noise = (model.mass[i, i] * omega**2) ** 2 * variance[i]
+        noise = (M[i, i] * omega**2) ** 2 * variance[i]
         over = noise > NOISY * np.convolve(S[:, i], kernel, "same")
         over[:SMOOTHING_BINS] = False
         end = max(end, omega[np.argmax(over)] if over.any() else omega[-1])
@@ -132,8 +133,8 @@ def first_part(here: ForceProblem, model: Model) -> np.ndarray:
     """(2 F,) bool: the first quarter of a record; more where that holds less than a quarter of what shows a phase."""
     rows = 2 * here.traces[0].F
     last = FIRST_PART * rows
-    for effect in (e for e in model.effects if e.path == "force" and PHASE in e.numeric):
-        power = (rows_of(here.traces[0], here.wave(effect, 0)) ** 2).sum(axis=1) * here.kept(0)
+    for wave in (e for e in as_effects(model.effects) if e.path == "force" and PHASE in e.numeric):
+        power = (rows_of(here.traces[0], here.wave(wave, 0)) ** 2).sum(axis=1) * here.kept(0)
         last = max(last, np.searchsorted(np.cumsum(power), FIRST_PART * power.sum()) + 1)
     return np.arange(rows) < min(last, 0.75 * rows)
 

@@ -50,7 +50,7 @@ def _basis(problem: ForceProblem, fit: Fit) -> Basis:
 
 def _residuals(problem: ForceProblem, fit: Fit) -> list[Array]:
     """(N, n) given minus needed force of each trace."""
-    model, out = problem.at(fit.point.theta, fit.point.effects), []
+    model, out = problem.model_at(fit.point), []
     for k in range(len(problem.traces)):
         own = model if k == 0 else replace(model, effects=own_phases(problem, k, model))
         out.append(problem.residual(own, k))
@@ -207,7 +207,7 @@ def _hidden_modes(problem: ForceProblem, place: int, catalogue):
 def _couplings(problem: ForceProblem, b: Basis, catalogue) -> list[Candidate]:
     """Springs and dampers between DOFs that the nominal leaves apart."""
     kind = next((k for k in catalogue if k.name == "missing_coupling"), None)
-    n, K = problem.model.n, problem.model.stiffness
+    n, (_, _, K) = problem.model.n, problem.model.matrices
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if K[i, j] == 0]
     if kind is None or not pairs:
         return []
@@ -228,7 +228,7 @@ def _coupling(kind, pair):
 
 def _on_the_input(problem: ForceProblem, fit: Fit, b: Basis, catalogue) -> list[Candidate]:
     """Actuator effects: what they change in the residual."""
-    model, n = problem.at(fit.point.theta, fit.point.effects), problem.model.n
+    model, n = problem.model_at(fit.point), problem.model.n
     taken = {(e.name, e.dof) for e in fit.point.effects}
     before = [problem.residual(model, k) for k in range(len(problem.traces))]
     blocks, groups = [], []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from sysid_bench.gap.sensitivity import derivatives, variables
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.assembly import Assembly, assemble, measured, sensor_channels
-from sysid_bench.mechanics.effect import Effect
+from sysid_bench.mechanics.effect import Effect, as_effects
 from sysid_bench.mechanics.trajectory import Trajectory, trajectory
 from sysid_bench.nouns import Array, Model
 
@@ -33,14 +33,15 @@ def substeps_for(effects: tuple[Effect, ...], n: int) -> int:
 
 
 def hold_of(effects: tuple[Effect, ...], trace: Trace) -> str:
-    return next((e.hold for e in effects if e.name == "wrong_hold"), trace.hold)
+    return next((getattr(e, "hold", trace.hold) for e in effects if e.name == "wrong_hold"), trace.hold)
 
 
 def run(problem: Problem, trace: Trace, model: Model, x0: Array) -> Trajectory:
     """Free run of one model on one trace."""
     held = trace.pull is not None  # only on the way to a free run: one step per sample will do
-    substeps = 1 if held else substeps_for(model.effects, model.n)
-    stages = trace.stages(substeps, hold_of(model.effects, trace))
+    effects = as_effects(model.effects)
+    substeps = 1 if held else substeps_for(effects, model.n)
+    stages = trace.stages(substeps, hold_of(effects, trace))
     return trajectory(assemble(model), stages, trace.h, substeps, x0, trace.t0, trace.pulls(substeps))
 
 
@@ -117,10 +118,10 @@ def _trace_jacobian(problem: Problem, point: Point, trace: Trace, one: Trajector
     sensed = np.ones((trace.N, A.C.shape[0], 1))
     for effect in A.sensors:
         if effect.name == "sensor_scale":
-            sensed[:, sensor_channels(effect, A)] *= effect.factor
+            sensed[:, sensor_channels(effect, A)] *= effect.value("factor")
         if effect.name == "sensor_clipping":
             ch = sensor_channels(effect, A)
-            sensed[:, ch] *= (np.abs(shown(problem, trace, one)[:, ch]) < effect.limit)[:, :, None]
+            sensed[:, ch] *= (np.abs(shown(problem, trace, one)[:, ch]) < effect.value("limit"))[:, :, None]
     D = trace.spectrum(d * sensed)
     if problem.model.output == "acceleration":
         D = D * (1j * trace.omega)[:, None, None]
@@ -155,7 +156,7 @@ def _structure_chain(
     for sign in (1, -1):
         moved = effect.with_values(values + sign * step * np.eye(len(values))[p])
         effects = tuple(moved if k == e else x for k, x in enumerate(point.effects))
-        A = assemble(problem.at(point.theta, effects))
+        A = assemble(problem.model_at(replace(point, effects=effects)))
         both.append((A.M, A.D, A.K))
     chain = []
     for m in range(3):
@@ -172,13 +173,13 @@ def _by_difference(problem: Problem, point: Point, trace: Trace, one: Trajectory
     step = 1e-3 * max(abs(values[p]), _smallest(effect, trace))
     moved = effect.with_values(values + step * np.eye(len(values))[p])
     effects = tuple(moved if k == e else x for k, x in enumerate(point.effects))
-    other = problem.at(point.theta, effects)
+    other = problem.model_at(replace(point, effects=effects))
     again = run(problem, trace, other, x0) if effect.path == "actuator" else replace_assembly(one, other)
     return trace.spectrum(shown(problem, trace, again) - shown(problem, trace, one)) / step
 
 
 def replace_assembly(one: Trajectory, model: Model) -> Trajectory:
-    return dataclasses.replace(one, assembly=assemble(model))
+    return replace(one, assembly=assemble(model))
 
 
 def _smallest(effect: Effect, trace: Trace) -> float:

@@ -15,7 +15,7 @@ from sysid_bench.gap.motion import Moved, force_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.assembly import Assembly, actuated, assemble
-from sysid_bench.mechanics.effect import Effect, direction
+from sysid_bench.mechanics.effect import Effect, as_effects, direction
 from sysid_bench.mechanics.stages import stage_values
 from sysid_bench.mechanics.trajectory import trajectory
 from sysid_bench.nouns import Array, Model
@@ -33,7 +33,7 @@ class ForceProblem(Problem):
     on_force = True
 
     def nominal(self) -> Point:
-        return Point(np.zeros(len(self.entries)), self.model.effects, ())
+        return Point(np.zeros(len(self.entries)), self.effects, ())
 
     def by_log(self, effect: Effect, p: int) -> bool:
         """So is how steeply a sign is smoothed: at zero a force that jumps would have no derivative by it."""
@@ -88,7 +88,7 @@ class ForceProblem(Problem):
 
     def jacobian(self, point: Point, runs: Any, parameters: Any) -> Array:
         """(R, ntheta + parameters): minus the derivative of the rows."""
-        model, blocks = self.at(point.theta, point.effects), []
+        model, blocks = self.model_at(point), []
         for k in range(len(self.traces)):
             own = point.effects if k == 0 else own_phases(self, k, model)
             columns = [self.theta_forces(k), *self._slopes(k, replace(model, effects=own), parameters)]
@@ -219,10 +219,10 @@ def own_phases(problem: ForceProblem, k: int, model: Model, part: Any = slice(No
 
     part: rows of the trace that may be used.
     """
-    effects = list(model.effects)
+    effects = list(as_effects(model.effects))
     waves = [e for e, x in enumerate(effects) if x.path == "force" and PHASE in x.numeric]
     if not waves:
-        return model.effects
+        return tuple(effects)
     rest = replace(model, effects=tuple(x for e, x in enumerate(effects) if e not in waves))
     left = problem.residual(rest, k)
     columns = []

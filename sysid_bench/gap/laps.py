@@ -22,7 +22,7 @@ def force_floor(problem: ForceProblem, variances: list[Array]) -> tuple[Array, s
     found = [p for p in parts if p is not None]
     if found:
         return np.sqrt(np.mean(found, axis=0)), "from what differs between repeated laps"
-    M = np.abs(problem.model.mass)
+    M = np.abs(problem.model.matrices[0])
     power = []
     for trace, variance in zip(problem.traces, variances):
         lever = np.sum(trace.omega**4) / (trace.N // 2 + 1)

@@ -118,7 +118,7 @@ def _added(problem: Problem, trace: Trace, run: Trajectory, left: np.ndarray) ->
 
 def linearised(problem: Problem, point: Point, q: Array, v: Array, trace: Trace) -> Assembly:
     """The point's model with each force effect replaced by the spring and damper that serve best on this motion."""
-    A = assemble(problem.at(point.theta, point.effects))
+    A = assemble(problem.model_at(point))
     D, K, n = np.array(A.D), np.array(A.K), problem.model.n
     for effect, c in zip(A.forces, A.directions):
         if effect.name in ("constant_force", "periodic_disturbance"):
@@ -151,8 +151,8 @@ def _stabilised(problem: Problem, A: Assembly) -> Assembly:
     ok = np.linalg.eigvalsh(A.K)[0] > 0 and np.linalg.eigvalsh(A.D)[0] > -1e-9 * np.abs(A.D).max()
     if ok or A.n != problem.model.n:
         return A
-    M, K = problem.model.mass, problem.model.stiffness
-    D = problem.model.damping + 0.05 * np.diag(np.sqrt(np.diag(M) * np.abs(np.diag(K))))
+    M, D, K = problem.model.matrices
+    D = D + 0.05 * np.diag(np.sqrt(np.diag(M) * np.abs(np.diag(K))))
     return replace(A, M=M, D=D, K=K)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from sysid_bench.gap.free_run import free_run, free_run_jacobian
 from sysid_bench.gap.traces import Trace
-from sysid_bench.mechanics.effect import POSITIVE, Effect
+from sysid_bench.mechanics.effect import POSITIVE, Effect, as_effects
 from sysid_bench.mechanics.trajectory import Trajectory
-from sysid_bench.nouns import Array, Model
+from sysid_bench.nouns import Array, Diverged, Model
 
 MATRICES = ("mass", "damping", "stiffness")
 
@@ -65,11 +65,21 @@ class Problem:
             return None
         return replace(self.model, mass=M, damping=D, stiffness=K, effects=effects)
 
+    def model_at(self, point: Point) -> Model:
+        """The model at a point that has been simulated. Raises Diverged where its mass is not positive."""
+        model = self.at(point.theta, point.effects)
+        if model is None:
+            raise Diverged("the gap search stands where the mass is not positive.")
+        return model
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that the model has already."""
+        return as_effects(self.model.effects)
+
     def nominal(self) -> Point:
         n = self.model.n
-        return Point(
-            np.zeros(len(self.entries)), self.model.effects, tuple(np.zeros(2 * n) for _ in self.traces)
-        )
+        return Point(np.zeros(len(self.entries)), self.effects, tuple(np.zeros(2 * n) for _ in self.traces))
 
     def on(self, traces: tuple[Trace, ...]) -> Problem:
         """The same problem on other traces."""
@@ -97,7 +107,8 @@ def evaluate(problem: Problem, point: Point) -> tuple[Array, tuple[Trajectory, .
 
 def frequency_range(model: Model, trace: Trace) -> tuple[float, float]:
     """(low, high) rad/s of the plant's own frequencies; of a free mass, from three per record to a tenth of Nyquist."""
-    squared = np.abs(np.linalg.eigvals(np.linalg.solve(model.mass, model.stiffness)))
+    M, _, K = model.matrices
+    squared = np.abs(np.linalg.eigvals(np.linalg.solve(M, K)))
     omega = np.sqrt(squared)
     low, high = 6 * np.pi / (trace.N * trace.h), 0.1 * np.pi / trace.h
     if omega.max() < low:
@@ -107,7 +118,7 @@ def frequency_range(model: Model, trace: Trace) -> tuple[float, float]:
 
 def problem_of(model: Model, traces: tuple[Trace, ...]) -> Problem:
     """Entries that are free: the nominal's nonzero pattern, the diagonals, damping wherever a spring is."""
-    M, D, K = model.mass, model.damping, model.stiffness
+    M, D, K = model.matrices
     entries, scale = [], []
     for m, X in enumerate((M, D, K)):
         mask = model.free.get(MATRICES[m], np.ones_like(M, dtype=bool))
@@ -123,7 +134,8 @@ def problem_of(model: Model, traces: tuple[Trace, ...]) -> Problem:
 
 def _natural(m: int, model: Model, i: int, j: int) -> float:
     """A size for an entry whose nominal is zero: 2 % of critical damping; a hundredth of the stiffest spring."""
-    K, M = np.abs(model.stiffness), model.mass
+    M, _, K = model.matrices
+    K = np.abs(K)
     if m == 0:
         return 1e-3 * M.max()
     if m == 1:

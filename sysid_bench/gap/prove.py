@@ -10,6 +10,7 @@ from sysid_bench.gap.descent import fit
 from sysid_bench.gap.free_run import run, shown
 from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.gap.traces import Trace, banded, noise_floor, trace_of
+from sysid_bench.mechanics.effect import as_effects, direction
 from sysid_bench.nouns import Array, Model, Record
 
 FIRST_PART = 0.25  # of a record, on which what is its own (start, phases) is fitted
@@ -55,7 +56,7 @@ def _own_start(problem: Problem, trace: Trace, own: frozenset[str]) -> Point:
     points = [rest, replace(rest, starts=(_static(model),))]
     phases = tuple(
         (e, p)
-        for e, x in enumerate(model.effects)
+        for e, x in enumerate(rest.effects)
         for p, key in enumerate(x.numeric)
         if key in own and x.path == "force"
     )
@@ -100,10 +101,8 @@ def _first_part(trace: Trace) -> Trace:
 def _static(model: Model) -> Array:
     """(2 n,) at rest where constant forces hold it."""
     n, force = model.n, np.zeros(model.n)
-    from sysid_bench.mechanics.effect import direction
-
-    for effect in model.effects:
+    for effect in as_effects(model.effects):
         if effect.name == "constant_force":
-            force += effect.force * direction(effect.dof, n)
-    q = np.linalg.lstsq(model.stiffness, force, rcond=1e-9)[0]
+            force += effect.value("force") * direction(effect.dof, n)
+    q = np.linalg.lstsq(model.matrices[2], force, rcond=1e-9)[0]
     return np.concatenate([q, np.zeros(n)])

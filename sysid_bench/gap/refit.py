@@ -29,7 +29,7 @@ def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point |
 
 def linear_fit(problem: Problem) -> Fit | None:
     """The better of two descents: from the nominal, and from a regression. None where neither can be simulated."""
-    known = free_parameters(problem.model.effects)
+    known = free_parameters(problem.effects)
     first = fit(problem, problem.nominal(), known, iterations=15)
     if first is not None and (problem.on_force or first.rho < 1.3):
         return first

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ class Variables:
 
 
 def variables(
-    entries: list[tuple[int, int, int]] = (), parameters: list[int] = (), states: list[int] = ()
+    entries: Sequence[tuple[int, int, int]] = (), parameters: Sequence[int] = (), states: Sequence[int] = ()
 ) -> Variables:
     """entries (matrix 0|1|2, row, column); numbers of the effects' parameters; numbers of the start's states."""
     rows = [*entries, *((3, k, 0) for k in parameters), *((4, k, 0) for k in states)]

@@ -114,7 +114,7 @@ def effect_values(answer: Answer, effect: Effect) -> dict[str, Any]:
     entry = effect.as_dict()
     std = deviations(answer)
     effects = list(answer.story.fit.point.effects)
-    number = next((k for k, e in enumerate(effects) if e is effect), None)
+    number = next((k for k, e in enumerate(effects) if e is effect), -1)  # -1: not fitted, no deviation
     for key, parameter in entry["parameters"].items():
         if (number, key) in std:
             parameter["std"] = std[number, key]
@@ -267,7 +267,7 @@ def where_values(answer: Answer) -> dict[str, Any]:
         return {}
     first = answer.story.rounds[0].screen
     lefts, traces = first.lefts, answer.problem.traces
-    energy = sum(np.sum(np.abs(x) ** 2, axis=0) for x in lefts)
+    energy = sum((np.sum(np.abs(x) ** 2, axis=0) for x in lefts), np.zeros(()))
     places = sorted(first.by_place.items(), key=lambda item: -item[1])[:5]
     power = np.sum(np.abs(lefts[0]) ** 2, axis=1)
     omega = traces[0].omega

@@ -95,7 +95,7 @@ def couplings(problem: Problem, seens, b: Basis) -> Shelf | None:
     """Springs and dampers between DOFs that the nominal leaves apart; the diagonal is theirs to move."""
     from sysid_bench.effects.missing_coupling import MissingCoupling
 
-    n, K = problem.model.n, problem.model.stiffness
+    n, (_, _, K) = problem.model.n, problem.model.matrices
     pairs = [(i, j) for i in range(n) for j in range(i + 1, n) if K[i, j] == 0]
     blocks, groups = [[] for _ in seens], []
     for k, pair in enumerate(pairs):

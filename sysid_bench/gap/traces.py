@@ -83,7 +83,7 @@ class Trace:
         """(2 F ny, ...) whitened real rows of spectra (F, ny, ...): unit variance where X is measurement noise."""
         W = X * self.weight.reshape(*self.weight.shape, *([1] * (X.ndim - 2)))
         W = W.reshape(-1, *X.shape[2:])
-        return np.concatenate([W.real, W.imag])
+        return np.concatenate([np.real(W), np.imag(W)])
 
 
 def trace_of(record: Record, model: Model) -> Trace:

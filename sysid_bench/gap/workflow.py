@@ -195,7 +195,7 @@ def _floor(problem: Problem, lattice: Array, omega: float) -> Floor:
     from sysid_bench.gap.free_run import run, shown
 
     point = problem.nominal()
-    model = problem.at(point.theta, point.effects)
+    model = problem.model_at(point)
     parts = []
     for trace, x0 in zip(problem.traces, point.starts):
         own = noise_floor(trace, trace.y, lattice, omega)
@@ -224,7 +224,7 @@ def better_model(
     hold = given.hold
     for e in effects:
         if e.name == "wrong_hold":
-            hold = e.hold
+            hold = getattr(e, "hold", hold)
     kept = tuple(e for e in effects if e.name != "wrong_hold")
     better = replace(given, mass=M, damping=D, stiffness=K, effects=kept, hold=hold)
     new = tuple(effects[base:])

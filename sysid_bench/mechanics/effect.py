@@ -125,6 +125,10 @@ class Effect:
         """Names of the parameters that are numbers."""
         return tuple(key for key in self.knobs if not isinstance(getattr(self, key), str))
 
+    def value(self, key: str) -> float:
+        """One numeric parameter."""
+        return float(getattr(self, key))
+
     def with_values(self, values: Array) -> Effect:
         """The same effect with other numbers, moved into their admissible ranges."""
         kept = {}

@@ -147,7 +147,8 @@ def _over_time(answer: Answer) -> str:
     for proof in (answer.before[0], answer.after[0]):
         r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
         lines.append([np.sqrt(np.mean(part**2)) for part in np.array_split(r, parts)])
-    t = np.linspace(*answer.after[0].trace.t[[0, -1]], parts)
+    first, last = answer.after[0].trace.t[[0, -1]]
+    t = np.linspace(first, last, parts)
     shown = [np.log10(np.maximum(line, 1e-3)) for line in lines]
     top = max(float(line.max()) for line in shown)
     axes = Axes((float(t[0]), float(t[-1])), (-0.5, top + 0.3), "t (s)", "rms over floor", log=True)
