@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import textwrap
 from collections.abc import Mapping, Sequence
 
@@ -9,25 +10,51 @@ from sysid_bench import conf
 from sysid_bench.completion import groups_of, read, read_text
 from sysid_bench.nouns import InputError
 
-WIDTH = 140
+WIDEST = 120
 
 
 def menu() -> str:
     """Every verb with one line and one example."""
     lines = [
-        "sysid-bench VERB [key=value ...]      second-order mechanical systems, identified from sampled data",
+        *_column(
+            "sysid-bench VERB [key=value ...]",
+            37,
+            "second-order mechanical systems, identified from sampled data",
+        ),
         "",
     ]
     for verb, (what, example) in conf.verbs().items():
-        lines += [f"  {verb:<10} {what}", f"  {'':<10} $ {example}"]
-    return "\n".join([*lines, "", FOOT])
+        lines += [*_column(f"  {verb}", 13, what), *_column("", 13, f"$ {example}", " \\", 17)]
+    return "\n".join([*lines, "", *(line for call, what in FOOT for line in _column(call, 37, what))])
 
 
-FOOT = """\
-sysid-bench VERB --help           every knob of a verb, its options, and the knobs of those that it takes by default
-sysid-bench VERB plant=X --help   the knobs of another option, with units and values
-sysid-bench VERB ... --cfg        the resolved config, without running it
-source <(sysid-bench --completion)   in bash or zsh: Tab completes verbs, options and knobs"""
+FOOT = (
+    (
+        "sysid-bench VERB --help",
+        "every knob of a verb, its options, and the knobs of those that it takes by default",
+    ),
+    ("sysid-bench VERB plant=X --help", "the knobs of another option, with units and values"),
+    ("sysid-bench VERB ... --cfg", "the resolved config, without running it"),
+    ("source <(sysid-bench --completion)", "in bash or zsh: Tab completes verbs, options and knobs"),
+)
+
+
+def _width() -> int:
+    """That of the terminal, 80 at least; of a file, the widest."""
+    return max(80, min(shutil.get_terminal_size((WIDEST, 24)).columns, WIDEST))
+
+
+def _column(head: str, at: int, words: str, joint: str = "", hang: int | None = None) -> list[str]:
+    """`head`, then `words` from column `at` on (further lines from `hang`), each line but the last ended by `joint`."""
+    lines = textwrap.wrap(
+        words,
+        _width() - len(joint),
+        initial_indent=f"{head:<{at}}",
+        subsequent_indent=" " * (at if hang is None else hang),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [*(line + joint for line in lines[:-1]), lines[-1]]
 
 
 def of_verb(verb: str, words: Sequence[str]) -> str:
@@ -75,5 +102,4 @@ def _options(
 
 
 def _row(head: str, names: Sequence[str]) -> list[str]:
-    indent = " " * 16
-    return textwrap.wrap(", ".join(names), WIDTH, initial_indent=f"  {head:<14}", subsequent_indent=indent)
+    return _column(f"  {head}", 16, ", ".join(names))
