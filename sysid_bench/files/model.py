@@ -63,7 +63,7 @@ def plant_of(model: Model, path: str | os.PathLike[str]) -> Plant:
 
 
 def model_from(values: Mapping[str, Any]) -> Model:
-    """Model of a mapping with model.yaml's keys (see docs/files.md)."""
+    """Model of a mapping with model.yaml's keys (see docs/files.md). Raises InputError for an unknown key."""
     unknown = [key for key in values if key not in KEYS]
     if unknown:
         raise InputError(f"unknown key {unknown[0]!r}; known are {', '.join(KEYS)}.")

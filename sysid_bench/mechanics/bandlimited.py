@@ -15,6 +15,7 @@ def lines_of(u: Array, h: float, period: int | None) -> tuple[Array, Complex]:
     """Fourier series (omega (nl,) rad/s, amplitude (nl, nu)) of one period of the samples u (N, nu).
 
     u(t) = Re sum_l amplitude_l exp(i omega_l t); a line at the Nyquist frequency is a pure cosine.
+    Raises InputError for a period that is not within the record.
     """
     P = len(u) if period is None else period
     if not 0 < P <= len(u):

@@ -56,7 +56,10 @@ def separated_eig(A: Array) -> tuple[np.ndarray, np.ndarray]:
 
 
 def modes(A: Array, B: Array, C: Array) -> Modes:
-    """Eigenvalues p (nx,), output shapes c (ny, nx), input rows b (nx, nu): C (z - A)^-1 B = sum c_k b_k / (z - p_k)."""
+    """Eigenvalues p (nx,), output shapes c (ny, nx), input rows b (nx, nu): C (z - A)^-1 B = sum c_k b_k / (z - p_k).
+
+    Raises Diverged for a defective matrix.
+    """
     p, V = np.linalg.eig(A)
     try:
         b = np.linalg.solve(V, B.astype(complex))

@@ -87,6 +87,7 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
 
     The band is widened until it holds the top mode; where the search does not end, or ends with more in the band
     than the noise above it, it starts again on narrower bands, then from modes, then from the model's values.
+    Raises NotApplicable where no start applies to the record.
     """
     runs = [in_band_run(record, problem, hold) for record in problem.records]
     tries: list[Fit] = []

@@ -9,7 +9,10 @@ from sysid_bench.nouns import Array, Complex, InputError, NotApplicable
 
 
 def drives(u: Array, hold: str) -> Array:
-    """The rule's coefficients of the steps between samples u (N, nu): (J, N, nu), zero after the last sample."""
+    """The rule's coefficients of the steps between samples u (N, nu): (J, N, nu), zero after the last sample.
+
+    Raises NotApplicable for fewer than 4 samples behind a spline.
+    """
     if len(u) < 4:
         raise NotApplicable(f"a hold through the samples needs at least 4 of them; the record has {len(u)}.")
     c = rule(hold).coefficients(u)

@@ -41,7 +41,10 @@ def project(form: Modes, model: Model, projection: str) -> Matrices:
 
 
 def read_back(model: Model, c: np.ndarray) -> np.ndarray:
-    """Shapes at the degrees of freedom (n, k) from shapes at the sensors c (ny, k); least squares for ny > n."""
+    """Shapes at the degrees of freedom (n, k) from shapes at the sensors c (ny, k); least squares for ny > n.
+
+    Raises NotApplicable for fewer independent sensors than n.
+    """
     if np.linalg.matrix_rank(model.output_map) < model.n:
         raise NotApplicable(
             f"M, D, K need {model.n} independent sensors; output_map has rank {np.linalg.matrix_rank(model.output_map)}."
@@ -50,7 +53,10 @@ def read_back(model: Model, c: np.ndarray) -> np.ndarray:
 
 
 def mass_from(model: Model, inertance: Array) -> Array:
-    """M (n, n) from M^-1 L (n, nu), not yet symmetric; least squares for nu > n."""
+    """M (n, n) from M^-1 L (n, nu), not yet symmetric; least squares for nu > n.
+
+    Raises NotApplicable for fewer independent forces than n.
+    """
     if np.linalg.matrix_rank(model.input_map) < model.n:
         raise NotApplicable(
             f"this needs {model.n} independent forces; input_map has rank {np.linalg.matrix_rank(model.input_map)} "

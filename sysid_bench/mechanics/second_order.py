@@ -60,7 +60,10 @@ def input_matrix(M: Array, L: Array) -> Array:
 
 
 def output_matrices(A: Array, B: Array, C: Array, output: str) -> tuple[Array, Array]:
-    """(ny, 2n) and (ny, nu) that read displacement, velocity or acceleration from x = [q; q'] and u."""
+    """(ny, 2n) and (ny, nu) that read displacement, velocity or acceleration from x = [q; q'] and u.
+
+    Raises InputError for another output.
+    """
     n, zero = len(A) // 2, np.zeros((len(C), B.shape[1]))
     if output == "displacement":
         return np.hstack([C, np.zeros_like(C)]), zero

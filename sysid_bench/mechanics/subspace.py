@@ -209,7 +209,10 @@ def fit_inputs(
 def identify_modes(
     z: Array, nu: int, i: int, nx: int | None, weight: str, largest: int
 ) -> tuple[HalfModes, Array]:
-    """(A, C) of scaled z = [u y] (N, nu + ny), and the singular values. nx None: by the widest gap."""
+    """(A, C) of scaled z = [u y] (N, nu + ny), and the singular values. nx None: by the widest gap.
+
+    Raises Diverged where the state matrix is not finite.
+    """
     ny = z.shape[1] - nu
     R = triangular_factor(z, order_rows(nu, ny, i), 2 * i)
     Gamma, s = observability(R, nu, ny, i, weight)

@@ -1,4 +1,7 @@
-"""record, Lagrangian -> its parameters by output-error minimisation of the forced discrete Euler-Lagrange equations."""
+"""record, Lagrangian -> its parameters by output-error minimisation of the forced discrete Euler-Lagrange equations.
+
+Source: Marsden and West, Acta Numerica 10, 2001, 2.7 and 3.2; Ober-Blöbaum and Saake, Adv. Comput. Math. 41, 2015.
+"""
 
 from __future__ import annotations
 

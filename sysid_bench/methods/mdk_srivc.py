@@ -1,6 +1,8 @@
 """record, structure -> M, D, K by refined instrumental variables in continuous time: no nonlinear optimiser.
 
 Fits the output error only through its fixed point: at rest, the instruments are uncorrelated with it.
+
+Source: Young and Jakeman, Int. J. Control 31, 1980 (SRIVC), in matrix form.
 """
 
 from __future__ import annotations

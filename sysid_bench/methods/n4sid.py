@@ -1,4 +1,8 @@
-"""record -> M, D, K by subspace identification, d2c and a projection: the state of the art that Bruschetta compares with."""
+"""record -> M, D, K by subspace identification, d2c and a projection: the state of the art that Bruschetta compares with.
+
+Source: Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996, chapter 4; Verhaegen,
+Automatica 30, 1994.
+"""
 
 from __future__ import annotations
 

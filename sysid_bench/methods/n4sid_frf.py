@@ -2,6 +2,8 @@
 
 The fair form of the old procedure: the horizon spans a period whatever the sampling time, a free feedthrough
 takes up what the hold does within a step, and no matrix logarithm is taken.
+
+Source: Verhaegen, Automatica 30, 1994 (PO-MOESP); the match of the response is our own.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 Minimises the output (simulation) error in the frequency domain, over the band that carries the response, with
 an exact propagation of the input between samples, a free initial state, noise variances re-estimated, and
 a linear least-squares start. Uses nothing but the record and the structure of the model.
+
+Source: our own; the likelihood is that of Pintelon and Schoukens, System Identification, 2012, chapter 9.
 """
 
 from __future__ import annotations
