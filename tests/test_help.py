@@ -14,7 +14,9 @@ def test_the_menu_fits_and_its_examples_are_whole(width: int, monkeypatch: pytes
     monkeypatch.setenv("COLUMNS", str(width))
     menu = help.menu()
     assert max(map(len, menu.splitlines())) <= width
-    commands = [shlex.split(line.strip()[2:]) for line in menu.replace("\\\n", "").splitlines() if "$ " in line]
+    commands = [
+        shlex.split(line.strip()[2:]) for line in menu.replace("\\\n", "").splitlines() if "$ " in line
+    ]
     assert commands == [shlex.split(example) for _, example in conf.verbs().values()]
 
 

@@ -10,7 +10,7 @@ from sysid_bench.gap.basis import Basis
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.effect import Effect
-from sysid_bench.nouns import Array
+from sysid_bench.nouns import Array, NotApplicable
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,13 @@ class Screen:
     seens: list[SeenMotion] = field(default_factory=list)
     point: Point | None = None
     shelves: list[Shelf] = field(default_factory=list)
+
+    @property
+    def ground(self) -> tuple[Basis, Point]:
+        """What suspects had to beat and where it was taken. Raises NotApplicable for a screen on the force."""
+        if self.basis is None or self.point is None:
+            raise NotApplicable("effects are polished on a screen of free runs, not on one of forces.")
+        return self.basis, self.point
 
     def promise(self, explained: float) -> float:
         """rho that is left where so much is explained."""
@@ -118,7 +125,7 @@ def judge(problem: Problem, b: Basis, A: Array, groups: list, decoy: list[bool])
 def beside(problem: Problem, screened: Screen, columns: Array) -> list[Candidate]:
     """All suspects again, best first, given that columns (rows, k), beyond the basis, explain what they can."""
     known, _ = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
-    found = [x for one in screened.shelves for x in judged(problem, screened.basis, one, known)]
+    found = [x for one in screened.shelves for x in judged(problem, screened.ground[0], one, known)]
     return sorted(found, key=lambda x: -x.score)
 
 

@@ -129,5 +129,5 @@ def mode_columns(s: SeenMotion, c: Array, w0: Array, zeta: Array) -> np.ndarray:
 
 def mode_column(problem: Problem, s: SeenMotion, mode: Effect) -> np.ndarray:
     """(F, ny) response to one hidden mode."""
-    w0, zeta = np.array([2 * np.pi * mode.frequency]), np.array([mode.damping_ratio])
-    return mode.mass * mode_columns(s, direction(mode.dof, problem.model.n), w0, zeta)[:, :, 0]
+    w0, zeta = np.array([2 * np.pi * mode.value("frequency")]), np.array([mode.value("damping_ratio")])
+    return mode.value("mass") * mode_columns(s, direction(mode.dof, problem.model.n), w0, zeta)[:, :, 0]

@@ -51,11 +51,11 @@ class Place:
     @property
     def weight(self) -> float:
         """Of the prior: what is left over the noise floor."""
-        return max(1.0, self.rows @ self.rows / len(self.rows))
+        return max(1.0, float(self.rows @ self.rows) / len(self.rows))
 
     def cost(self, weight: float) -> float:
         """Residual energy and the prior's share."""
-        return self.rows @ self.rows + weight * np.sum((self.point.theta / self.prior) ** 2)
+        return float(self.rows @ self.rows + weight * np.sum((self.point.theta / self.prior) ** 2))
 
     def normal_equations(self) -> tuple[Array, Array]:
         """H, g with H step = g; positive parameters by their logarithm."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from sysid_bench.effects import effect_class
 from sysid_bench.gap.candidates import Candidate, Screen
@@ -103,7 +104,8 @@ def relatives(problem: Problem, fit: Fit, effect: Effect) -> dict[str, list[Effe
     v = dict(zip(effect.numeric, effect.values))
     level = 0.5 * (v["force"] + v["static_force"]) if "static_force" in v else v["force"]
     speed = min(v.get("speed", 0.0), 0.05 * v_rms) or 0.01 * v_rms
-    coulomb, stribeck, presliding = (effect_class(name) for name in FRICTION)
+    kinds: list[Any] = [effect_class(name) for name in FRICTION]
+    coulomb, stribeck, presliding = kinds
     found = {
         "coulomb_friction": [coulomb(effect.dof, level, speed)],
         "stribeck_friction": [

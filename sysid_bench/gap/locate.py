@@ -75,7 +75,7 @@ def _leftover(traces, c: Array | None, b: Basis, prior: Array, offset: int) -> f
         toward = np.zeros(size)
         toward[offset : offset + nt] = -pull * b.theta0 / b.norms[offset : offset + nt]
         x = np.linalg.solve(gram + np.diag(held + 1e-9), right + toward)
-        left = max(energy - 2 * right @ x + x @ gram @ x, 0.0)
+        left = max(float(energy - 2 * right @ x + x @ gram @ x), 0.0)
     return left
 
 

@@ -31,12 +31,11 @@ def leads(problem: Problem, seens: list[Seen]) -> tuple[Problem, ...]:
 def nudged(problem: Problem, seens: list[Seen], share: Array) -> Problem:
     """The problem with springs and dampers to the smoothed motion; share (n,) of each DOF's own stiffness."""
     model = problem.model
-    size = np.maximum(np.diag(model.stiffness), 1e-3 * np.abs(model.stiffness).max())
+    M, D, K = model.matrices
+    size = np.maximum(np.diag(K), 1e-3 * np.abs(K).max())
     spring = share * size if model.output == "displacement" else 0 * size
-    damper = DAMPING * np.sqrt(share * size * np.diag(model.mass))
-    held = replace(
-        model, damping=model.damping + np.diag(damper), stiffness=model.stiffness + np.diag(spring)
-    )
+    damper = DAMPING * np.sqrt(share * size * np.diag(M))
+    held = replace(model, damping=D + np.diag(damper), stiffness=K + np.diag(spring))
     traces = tuple(
         replace(s.trace, pull=s.q * spring + s.v * damper, _stages=dict(s.trace._stages)) for s in seens
     )

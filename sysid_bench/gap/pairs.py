@@ -21,7 +21,7 @@ FIRSTS, SECONDS = 6, 4  # suspects taken as one of a pair, partners polished wit
 class Pair:
     """Two effects and what they explain together along the motion."""
 
-    effects: tuple[Effect, Effect]
+    effects: tuple[Effect, ...]
     polished: Polished
     score: float
 

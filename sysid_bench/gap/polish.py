@@ -41,7 +41,7 @@ def polish(
     problem: Problem, screened: Screen, effects: tuple[Effect, ...], iterations: int = 5
 ) -> Polished | None:
     """Fit the parameters of some effects together. None where their forces are not finite."""
-    b, free = screened.basis, free_parameters(effects)
+    (b, _), free = screened.ground, free_parameters(effects)
     now = rows_of(problem, screened, effects, ())
     if now is None:
         return None
@@ -101,12 +101,12 @@ def moved(effects: tuple[Effect, ...], free, step: Array) -> tuple[Effect, ...]:
 
 def rows_of(problem: Problem, screened: Screen, effects: tuple[Effect, ...], free) -> Array | None:
     """(rows, 1 + len(free)) what the effects add to the rows, and its derivatives, beyond what the basis explains."""
-    b, parts = screened.basis, []
+    (b, point), parts = screened.ground, []
     for s in screened.seens:
         total, slopes = 0, []
         for e, effect in enumerate(effects):
             versions = [effect, *(_nudged(effect, p) for k, p in free if k == e)]
-            columns = _responses(problem, screened.point, s, versions)
+            columns = _responses(problem, point, s, versions)
             total = total + columns[:, :, :1]
             steps = np.array([_nudge(effect, p) for k, p in free if k == e])
             slopes.append((columns[:, :, 1:] - columns[:, :, :1]) / steps)
@@ -144,10 +144,10 @@ def _responses(problem: Problem, point: Point, s: Seen, versions: list[Effect]) 
 
 def _theta(problem: Problem, screened: Screen, effects: tuple[Effect, ...], cost: float) -> Array:
     """theta beside these effects, held to the nominal no harder than what they leave calls for."""
-    b, nt = screened.basis, len(problem.entries)
+    (b, point), nt = screened.ground, len(problem.entries)
     parts = []
     for s in screened.seens:
-        total = sum(_responses(problem, screened.point, s, [e]) for e in effects)
+        total = sum((_responses(problem, point, s, [e]) for e in effects), np.zeros(()))
         parts.append(thin(s.trace.rows(total))[:, 0])
     f = np.concatenate([*parts, np.zeros(b.ridge)])
     ridge = slice(b.offset, b.offset + nt)

@@ -93,8 +93,8 @@ def trace_of(record: Record, model: Model) -> Trace:
             f"the model has {model.nu} input(s) and {model.ny} output(s); the record has {record.nu} and "
             f"{record.ny}. Check input_map and output_map."
         )
-    good = np.ones(record.N, dtype=bool) if record.quality is None else record.quality == 0
-    good &= np.isfinite(record.y).all(axis=1) & np.isfinite(record.u).all(axis=1)
+    unflagged = np.ones(record.N, dtype=bool) if record.quality is None else np.equal(record.quality, 0)
+    good = unflagged & np.isfinite(record.y).all(axis=1) & np.isfinite(record.u).all(axis=1)
     hold = model.hold or record.hold or "zoh"
     told = np.isfinite(record.u).all(axis=1)[:, None]
     y, u = np.where(told, np.nan_to_num(record.y), 0.0), np.where(told, record.u, 0.0)
@@ -186,7 +186,7 @@ def band_end(trace: Trace, floor: Floor, omega_max: float) -> float:
     top = 0.0
     for c in range(S.shape[1]):
         above = np.flatnonzero(np.convolve(S[:, c], kernel, "same") > 2.5 * noise[:, c])
-        top = max(top, omega[above[-1]] if len(above) else 0.0)
+        top = max(top, float(omega[above[-1]]) if len(above) else 0.0)
     return min(max(1.5 * omega_max, 1.15 * top), 0.5 * np.pi / trace.h, 6 * omega_max)
 
 

@@ -19,6 +19,7 @@ from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
+from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
@@ -114,8 +115,10 @@ def find_gap(
     tell(f"other M, D, K leave {linear.rho:.4g} times")
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
     try:
-        search = choose_on_force if problem.on_force else choose
-        story = search(problem, linear, catalogue, rules)
+        if isinstance(problem, ForceProblem):
+            story = choose_on_force(problem, linear, catalogue, rules)
+        else:
+            story = choose(problem, linear, catalogue, rules)
     except np.linalg.LinAlgError as trouble:  # a singular normal matrix: what the refit says still holds
         tell(f"the search for effects ended early ({trouble})")
         story = Story(linear, linear)
@@ -235,4 +238,6 @@ def _final_screen(problem: Problem, story: Story, catalogue) -> Screen | None:
     """One more look, to say what would have been seen: power."""
     if story.rounds and story.rounds[-1].chosen is None:
         return story.rounds[-1].screen
-    return (screen_on_force if problem.on_force else screen)(problem, story.fit, catalogue)
+    if isinstance(problem, ForceProblem):
+        return screen_on_force(problem, story.fit, catalogue)
+    return screen(problem, story.fit, catalogue)

@@ -181,6 +181,8 @@ def _output(answer: Answer, c: int) -> str:
 
 def _on_force(answer: Answer) -> list[Mapping[str, str]]:
     """Given and needed force on the first test record, where the refitted linear model is worst."""
+    if answer.judged is None:
+        return []
     refitted, better = answer.judged["refitted"][0], answer.judged["better"][0]
     found = []
     for i in range(min(better.given.shape[1], 3)):

@@ -31,7 +31,7 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
     if force:
         views.append(signal_view("force", "unexplained force and the effect", axis))
     plots = rrb.Grid(*views, grid_columns=1 if len(views) <= 4 else 2)
-    side = [rrb.TextDocumentView(origin="about", name="verdict")]
+    side: list[rrb.View] = [rrb.TextDocumentView(origin="about", name="verdict")]
     side += [rrb.BarChartView(origin="spectrum", name="residual by frequency, dB over the floor, Hz")]
     if force:
         side.append(
