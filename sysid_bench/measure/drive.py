@@ -26,9 +26,11 @@ def drive(session: Session, link: Link, log: RunLog) -> str | None:
     Raises InputError where no rig answers (nothing has moved then). Any other way out sends the emergency stop.
     """
     link.own = session.rig.ids(host=True)
-    with _termination_interrupts():
+    with _interrupts() as asked:
         try:
             while not session.done:
+                if asked:
+                    raise KeyboardInterrupt
                 _turn(session, link, log)
             return None
         except InputError:
@@ -101,18 +103,20 @@ def _reason(problem: BaseException) -> str:
 
 
 @contextmanager
-def _termination_interrupts() -> Iterator[None]:
-    """SIGTERM stops a run as Ctrl-C does."""
+def _interrupts() -> Iterator[list[int]]:
+    """Ctrl-C and SIGTERM, noted: raised where they fall, code that may not raise would swallow them."""
+    asked: list[int] = []
 
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
+    def note(number: int, frame: object) -> None:
+        asked.append(number)
 
     try:
-        before = signal.signal(signal.SIGTERM, interrupt)
+        before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
     except ValueError:  # not the main thread: signals are somebody else's
-        yield
+        yield asked
         return
     try:
-        yield
+        yield asked
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
