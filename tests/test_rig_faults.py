@@ -150,7 +150,9 @@ def test_faults_of_the_device_stop_the_run_with_the_reason(
 
 def test_a_stuck_sensor_leaves_no_good_sample_that_is_wrong(outcome: dict[str, Met]) -> None:
     record = outcome["stuck_sensor"].record
-    held = np.arange(AT + 1 - FIRST, record.N)  # the sample at AT is the last true one; two equal ones before it are chance
+    held = np.arange(
+        AT + 1 - FIRST, record.N
+    )  # the sample at AT is the last true one; two equal ones before it are chance
     assert len(held) > 100  # it took the stuck time to be sure
     assert np.ptp(record.y[held, 2]) == 0 and np.all(record.quality[held] & STUCK)
 
