@@ -96,7 +96,7 @@ def trace_of(record: Record, model: Model) -> Trace:
     unflagged = np.ones(record.N, dtype=bool) if record.quality is None else np.equal(record.quality, 0)
     good = unflagged & np.isfinite(record.y).all(axis=1) & np.isfinite(record.u).all(axis=1)
     hold = model.hold or record.hold or "zoh"
-    told = np.isfinite(record.u).all(axis=1)[:, None]
+    told = np.isfinite(record.u).all(axis=1, keepdims=True)
     y, u = np.where(told, np.nan_to_num(record.y), 0.0), np.where(told, record.u, 0.0)
     t, h = record.t, None
     if record.is_uniform:
