@@ -8,6 +8,7 @@ import pytest
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import check_data
+from sysid_bench.gap.colour import Floor
 from sysid_bench.gap.contend import Arena, at_rest, refine
 from sysid_bench.gap.descent import fit, free_parameters
 from sysid_bench.gap.nudge import leads
@@ -16,6 +17,7 @@ from sysid_bench.gap.polish import polished_candidate
 from sysid_bench.gap.problem import Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
+from sysid_bench.gap.traces import banded, trace_of
 from sysid_bench.gap.workflow import prepared
 from sysid_bench.nouns import Model, Record
 
@@ -77,3 +79,29 @@ def test_two_forces_at_once_are_a_pair(draw):
     problem, _, screened, _ = problem_and_screen(draw, 1403, kind="double")
     best = pairs(problem, screened, 1)[0]
     assert {e.name for e in best.effects} == {"constant_force", "dead_zone"}
+
+
+@pytest.mark.parametrize("sticks", [True, False])
+def test_a_machine_that_stands_still_is_no_stuck_sensor(sticks):
+    t = np.arange(4000) * 0.01
+    speed = np.sin(0.5 * t) * (1 - np.exp(-((t - 20) ** 4)))  # comes to rest at 20 s
+    y = np.cumsum(speed) * 0.01
+    y[1990:2011] = y[1990]
+    if sticks:
+        y[1000:1060] = y[1000]
+    faults = check_data([Record(t, np.zeros((4000, 1)), y[:, None])]).faults
+    assert [f.evidence["first_sample"] for f in faults if f.name == "stuck_sensor"] == (
+        [1000] if sticks else []
+    )
+
+
+def test_whitened_noise_has_unit_variance_at_zero_frequency_too():
+    rng = np.random.default_rng(3)
+    model = Model([[1.0]], [[0.3]], [[1.0]])
+    means = []
+    for _ in range(300):
+        noise = rng.normal(size=(400, 1))
+        trace = trace_of(Record(np.arange(400) * 0.1, np.zeros((400, 1)), noise), model)
+        trace = banded(trace, Floor(np.ones(1), np.zeros(1)), 5.0)
+        means.append(trace.rows(trace.spectrum(noise))[0])
+    assert np.var(means) == pytest.approx(1.0, rel=0.25)

@@ -208,9 +208,17 @@ def closed_loop(M, D, K, L, r, noise, gain, lead, h, small, kinds, places, P, q0
 
 
 def fine_input(u, h, hold, small, delay=0.0):
-    """(2 (N-1) small + 1, nu) values at half small steps; `delay` s later, nothing before the start."""
+    """(2 (N-1) small + 1, nu) values at half small steps; `delay` s later, nothing before the start.
+
+    A held input switches within a small step once it is delayed: each value is then the mean of the step around it.
+    """
     N = len(u)
     t = np.arange(2 * (N - 1) * small + 1) / (2 * small) * h - delay
+    if hold == "zoh" and delay:
+        half, edges = h / (2 * small), np.arange(N + 1) * h
+        area = [np.concatenate([[0], np.cumsum(c) * h]) for c in u.T]
+        sums = [np.interp(t + half, edges, a) - np.interp(t - half, edges, a) for a in area]
+        return np.column_stack(sums) / (2 * half)
     if hold == "zoh":
         at = np.clip(np.floor(t / h + 1e-9).astype(int), 0, N - 1)
         w = u[at]

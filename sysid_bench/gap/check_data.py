@@ -12,6 +12,7 @@ from sysid_bench.nouns import Array, Record
 
 NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
 FEWEST_CLIPPED = 6
+AT_REST = 0.05  # of the rms step between samples: a sensor that sticks lets go with a jump
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def _stuck(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> list
             same = (np.diff(y) == 0) & (np.abs(y[1:]) < np.abs(y).max() * (1 - 1e-9))
             if lattice[c] > NOTICEABLE_STEP * np.std(y):
                 continue
-            long = [(k, m) for k, m in _runs(same) if m >= max(20, 0.002 * r.N)]
+            long = [(k, m) for k, m in _runs(same) if m >= max(20, 0.002 * r.N) and not _rests(y, k, m)]
             for k, m in long:
                 start = float(r.t[k] - r.t[0])
                 evidence = {"record": i, "first_sample": k, "samples": m + 1}
@@ -135,6 +136,12 @@ def _stuck(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> list
                 )
                 bad[i][k + 1 : k + m + 1] = True
     return found
+
+
+def _rests(y: Array, k: int, m: int) -> bool:
+    """True where the machine itself stands still from sample k to k + m: it comes to rest and leaves it slowly."""
+    step = np.abs(np.diff(y))
+    return max(step[max(k - 1, 0)], step[min(k + m, len(step) - 1)]) < AT_REST * np.sqrt(np.mean(step**2))
 
 
 def _dropped(records: list[Record], lattice: Array, bad: list[np.ndarray]) -> list[Fault]:

@@ -196,4 +196,5 @@ def banded(trace: Trace, floor: Floor, end: float) -> Trace:
     F = max(int(np.searchsorted(omega, end)), 8)
     share = np.mean(trace.good)
     weight = np.sqrt(2 / (trace.N * share)) / np.sqrt(floor.density(omega[:F] * trace.h))
+    weight[0] /= np.sqrt(2)  # the mean has no imaginary part to share its noise with
     return replace(trace, F=F, weight=weight, variance=floor.variance)
