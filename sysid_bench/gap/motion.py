@@ -12,7 +12,7 @@ from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.assembly import Assembly, assemble
 from sysid_bench.mechanics.effect import Effect, law_tapes
-from sysid_bench.mechanics.tape import over
+from sysid_bench.mechanics.tape import join, over
 from sysid_bench.mechanics.trajectory import Trajectory, trajectory
 from sysid_bench.nouns import Array
 
@@ -60,8 +60,11 @@ def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Arra
     if effect.states == 0:
         f = over(law, [x, v, t0 + h * np.arange(len(x)), h, x, 0.0, *effect.values.tolist()])[0]
         return np.broadcast_to(np.asarray(f, dtype=float), x.shape)
-    z0, out = np.asarray(effect.at_rest(float(x[0])), dtype=float), np.empty(len(x))
-    stepping.along(x, v, t0, h, law.operations, law.constants, effect.values, z0, law.work, out)
+    one, out = join([law]), np.empty(len(x))
+    z0 = np.asarray(effect.at_rest(float(x[0])), dtype=float)
+    given = np.concatenate([np.zeros(stepping.HEAD), z0, effect.values])
+    cells = np.concatenate([given, one.cells[len(given) :]])
+    stepping.along(x, v, t0, h, *one.code, cells, len(z0), out)
     return out
 
 

@@ -42,8 +42,8 @@ def derivatives(run: Trajectory, wanted: Variables, keep: Array) -> Array:
     out = np.empty((N, len(keep), len(wanted)))
     G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
     tangents(
-        step.Ad, G0, G1, step.falling, step.rising, A.directions, run.X, run.F, run.Z, run.accelerations(),
-        laws.slopes, laws.p, laws.spans, laws.work, laws.results, run.t0, run.h,
+        step.Ad, G0, G1, step.falling, step.rising, A.directions, run.X, run.Z, run.accelerations(),
+        *laws.slopes.code, laws.cells(laws.slopes), laws.spans, run.t0, run.h,
         wanted.kind, wanted.row, wanted.column, follows, np.ascontiguousarray(keep, dtype=float), out,
     )  # fmt: skip
     return out

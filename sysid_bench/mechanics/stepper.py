@@ -49,8 +49,8 @@ class Stepper:
         X, F = np.empty((S + 1, 2 * A.n)), np.zeros((S + 1, len(A.forces)))
         Z, laws = np.zeros((S + 1, self._laws.nz)), self._laws
         stepping.run(
-            s.Ad, W, *self._arms, A.directions, self.x, self._z, laws.value, laws.p, laws.spans, laws.work,
-            laws.results, self.t, self._small, X, F, Z,
+            s.Ad, W, *self._arms, A.directions, self.x, self._z, *laws.value.code, laws.cells(laws.value), laws.spans,
+            self.t, self._small, X, F, Z,
         )  # fmt: skip
         if not np.isfinite(X[-1]).all():
             raise Diverged(f"the emulated motion leaves every bound at t = {self.t:g} s")

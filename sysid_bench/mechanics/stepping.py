@@ -10,42 +10,52 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from sysid_bench.mechanics.tape import play
+from sysid_bench.mechanics.play import play
 
 HEAD = 6
 
 
-@nb.njit(cache=True, error_model="numpy")
-def evaluate_law(e, tape, given, p, pz, z, work, result):
-    """Law of effect e at given[0:6]; fills the rest of `given` from states and parameters."""
-    operations, constants, starts = tape
-    m = HEAD
-    for i in range(pz[e, 2], pz[e, 3]):
-        given[m] = z[i]
-        m += 1
-    for i in range(pz[e, 0], pz[e, 1]):
-        given[m] = p[i]
-        m += 1
-    play(operations, constants, starts[e], starts[e + 1], given, work, result)
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def law_at(e, operations, laws, cells, x, v):
+    """Evaluate law e at displacement x and velocity v of its place; the number of the first of its results."""
+    cells[laws[e, 0]] = x
+    cells[laws[e, 0] + 1] = v
+    play(operations, laws[e, 1], laws[e, 2], cells)
+    return laws[e, 3]
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _solve_force(e, xa, va, hx, hv, f, tape, given, p, pz, z, work, result):
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def prepare(laws, cells, spans, mobility, Z, k, t, h, xb):
+    """Put what a step knows before its end into the cells: time, step, displacements before, internal states."""
+    for e in range(len(laws)):
+        at = laws[e, 0]
+        cells[at + 2], cells[at + 3], cells[at + 4], cells[at + 5] = t, h, xb[e], mobility[e, e]
+        for i in range(spans[e, 2], spans[e, 3]):
+            cells[at + HEAD + i - spans[e, 2]] = Z[k, i]
+
+
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def reach(C, G1):
+    """HX, HV (ne, ne): displacement and velocity that a force at place d, rising over a step, takes from place e."""
+    n = C.shape[1]
+    return C @ np.ascontiguousarray(G1[:, :n].T), C @ np.ascontiguousarray(G1[:, n:].T)
+
+
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def _solve_force(e, xa, va, hx, hv, f, operations, results, laws, cells):
     """f = law(xa - hx f, va - hv f): Newton, kept inside the bracket of the sign changes seen."""
     low, high = -np.inf, np.inf
     kink = False
     for _ in range(60):
-        given[0] = xa - hx * f
-        given[1] = va - hv * f
-        evaluate_law(e, tape, given, p, pz, z, work, result)
-        r = result[0] - f
+        at = law_at(e, operations, laws, cells, xa - hx * f, va - hv * f)
+        r = cells[results[at]] - f
         if abs(r) <= 1e-8 * abs(f) + 1e-300:
             break
         if r > 0:
             low = f
         else:
             high = f
-        slope = 1.0 + result[1] * hx + result[2] * hv
+        slope = 1.0 + cells[results[at + 1]] * hx + cells[results[at + 2]] * hv
         step = r / slope if slope > 1e-6 else r
         following = f + step
         if not (low < following < high):
@@ -63,110 +73,126 @@ def _solve_force(e, xa, va, hx, hv, f, tape, given, p, pz, z, work, result):
     return f
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _solve_together(xa, va, HX, HV, f, tape, given, p, pz, z, work, result, xb):
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def _eliminate(system, r):
+    """Solve in place, r becoming the solution; False where a pivot is too small for elimination in order."""
+    ne = len(r)
+    for e in range(ne):
+        if not abs(system[e, e]) > 1e-6:
+            return False
+        for d in range(e + 1, ne):
+            w = system[d, e] / system[e, e]
+            for i in range(e, ne):
+                system[d, i] -= w * system[e, i]
+            r[d] -= w * r[e]
+    for e in range(ne - 1, -1, -1):
+        for d in range(e + 1, ne):
+            r[e] -= system[e, d] * r[d]
+        r[e] /= system[e, e]
+    return True
+
+
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def _solve_together(xa, va, HX, HV, f, operations, results, laws, cells, trial, r, system):
     """All forces of one step by Newton on their joint equations; True where it converged (else f is as it was)."""
     ne = len(f)
-    trial, r, system = f.copy(), np.zeros(ne), np.zeros((ne, ne))
+    trial[:] = f
     for _ in range(12):
-        worst = 0.0
+        done = True
         for e in range(ne):
             x, v = xa[e], va[e]
             for d in range(ne):
                 x -= HX[e, d] * trial[d]
                 v -= HV[e, d] * trial[d]
-            given[0], given[1], given[4], given[5] = x, v, xb[e], HV[e, e]
-            evaluate_law(e, tape, given, p, pz, z, work, result)
-            r[e] = result[0] - trial[e]
-            worst = max(worst, abs(r[e]) - 1e-8 * abs(trial[e]))
+            at = law_at(e, operations, laws, cells, x, v)
+            r[e] = cells[results[at]] - trial[e]
+            if not abs(r[e]) <= 1e-8 * abs(trial[e]) + 1e-300:
+                done = False
             for d in range(ne):
-                system[e, d] = result[1] * HX[e, d] + result[2] * HV[e, d]
+                system[e, d] = cells[results[at + 1]] * HX[e, d] + cells[results[at + 2]] * HV[e, d]
             system[e, e] += 1.0
-        if worst <= 1e-300:
+        if done:
             f[:] = trial
             return True
-        for e in range(ne):
-            if not abs(system[e, e]) > 1e-6:
-                return False
-            for d in range(e + 1, ne):
-                w = system[d, e] / system[e, e]
-                for i in range(e, ne):
-                    system[d, i] -= w * system[e, i]
-                r[d] -= w * r[e]
-        for e in range(ne - 1, -1, -1):
-            for d in range(e + 1, ne):
-                r[e] -= system[e, d] * r[d]
-            r[e] /= system[e, e]
-            trial[e] += r[e]
+        if not _eliminate(system, r):
+            return False
+        trial += r
     return False
 
 
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def _solve_in_turn(xa, va, HX, HV, f, operations, results, laws, cells):
+    """The forces of one step, each alone with the others as they are, until none moves."""
+    ne = len(f)
+    for _ in range(50):
+        change = size = 0.0
+        for e in range(ne):
+            ax, av = xa[e], va[e]
+            for d in range(ne):
+                if d != e:
+                    ax -= HX[e, d] * f[d]
+                    av -= HV[e, d] * f[d]
+            new = _solve_force(e, ax, av, HX[e, e], HV[e, e], f[e], operations, results, laws, cells)
+            change = max(change, abs(new - f[e]))
+            size = max(size, abs(new))
+            f[e] = new
+        if ne < 2 or change <= 1e-8 * size:
+            break
+
+
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def place(C, X, k, xs, vs):
+    """Displacements and velocities xs, vs (ne,) of the places at state X[k]."""
+    ne, n = C.shape
+    for e in range(ne):
+        xs[e] = vs[e] = 0.0
+        for i in range(n):
+            xs[e] += C[e, i] * X[k, i]
+            vs[e] += C[e, i] * X[k, n + i]
+
+
+@nb.njit(cache=True, error_model="numpy", forceinline=True)
+def _without_end_forces(Ad, W, G0, X, F, k):
+    """X[k + 1], but for what the effects' forces at its end add."""
+    ne, nx = G0.shape
+    for i in range(nx):
+        s = W[k, i]
+        for j in range(nx):
+            s += Ad[i, j] * X[k, j]
+        for e in range(ne):
+            s -= G0[e, i] * F[k, e]
+        X[k + 1, i] = s
+
+
 @nb.njit(cache=True, error_model="numpy")
-def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
+def run(Ad, W, G0, G1, C, x0, z0, operations, results, laws, cells, spans, t0, h, X, F, Z):
     """Fills X (S+1, nx), F (S+1, ne), Z (S+1, nz). Returns the number of steps done (S unless it blew up)."""
     S, nx = W.shape
-    ne, n = C.shape
-    HX, HV = np.zeros((ne, ne)), np.zeros((ne, ne))
-    for e in range(ne):
-        for d in range(ne):
-            for i in range(n):
-                HX[e, d] += C[e, i] * G1[d, i]
-                HV[e, d] += C[e, i] * G1[d, n + i]
-    given = np.zeros(HEAD + len(p) + Z.shape[1])
-    work, result = np.zeros(nwork), np.zeros(nresult)
+    ne = len(C)
+    HX, HV = reach(C, G1)
     X[0] = x0
     Z[0] = z0
-    xa, va, xb = np.zeros(ne), np.zeros(ne), np.zeros(ne)
-    f = np.zeros(ne)
+    xa, va, xb, vb = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros(ne)
+    f, trial, r, system = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros((ne, ne))
+    place(C, X, 0, xb, vb)
+    prepare(laws, cells, spans, HV, Z, 0, t0, h, xb)
     for e in range(ne):
-        x = v = 0.0
-        for i in range(n):
-            x += C[e, i] * x0[i]
-            v += C[e, i] * x0[n + i]
-        given[0], given[1], given[2], given[3], given[4], given[5] = x, v, t0, h, x, HV[e, e]
-        evaluate_law(e, tape, given, p, pz, Z[0], work, result)
-        f[e] = result[0]
-        F[0, e] = f[e]
+        F[0, e] = f[e] = cells[results[law_at(e, operations, laws, cells, xb[e], vb[e])]]
     for k in range(S):
-        for i in range(nx):
-            s = W[k, i]
-            for j in range(nx):
-                s += Ad[i, j] * X[k, j]
-            for e in range(ne):
-                s -= G0[e, i] * F[k, e]
-            X[k + 1, i] = s
-        for e in range(ne):
-            xa[e] = va[e] = xb[e] = 0.0
-            for i in range(n):
-                xa[e] += C[e, i] * X[k + 1, i]
-                va[e] += C[e, i] * X[k + 1, n + i]
-                xb[e] += C[e, i] * X[k, i]
-        given[2], given[3] = t0 + (k + 1) * h, h
-        turns = 50
-        if ne > 1 and _solve_together(xa, va, HX, HV, f, tape, given, p, pz, Z[k], work, result, xb):
-            turns = 1  # one round more fills the states
-        for _ in range(turns):
-            change = size = 0.0
-            for e in range(ne):
-                ax, av = xa[e], va[e]
-                for d in range(ne):
-                    if d != e:
-                        ax -= HX[e, d] * f[d]
-                        av -= HV[e, d] * f[d]
-                given[2], given[3], given[4], given[5] = t0 + (k + 1) * h, h, xb[e], HV[e, e]
-                new = _solve_force(
-                    e, ax, av, HX[e, e], HV[e, e], f[e], tape, given, p, pz, Z[k], work, result
-                )
-                change = max(change, abs(new - f[e]))
-                size = max(size, abs(new))
-                f[e] = new
-                for i in range(pz[e, 3] - pz[e, 2]):
-                    Z[k + 1, pz[e, 2] + i] = result[3 + i]
-            if ne < 2 or change <= 1e-8 * size:
-                break
+        _without_end_forces(Ad, W, G0, X, F, k)
+        if ne == 0:
+            continue
+        place(C, X, k + 1, xa, va)
+        prepare(laws, cells, spans, HV, Z, k, t0 + (k + 1) * h, h, xb)
+        if ne < 2 or not _solve_together(
+            xa, va, HX, HV, f, operations, results, laws, cells, trial, r, system
+        ):
+            _solve_in_turn(xa, va, HX, HV, f, operations, results, laws, cells)
         fine = True
         for e in range(ne):
             F[k + 1, e] = f[e]
+            for i in range(spans[e, 3] - spans[e, 2]):
+                Z[k + 1, spans[e, 2] + i] = cells[results[laws[e, 3] + 3 + i]]
             for i in range(nx):
                 X[k + 1, i] -= G1[e, i] * f[e]
         for i in range(nx):
@@ -175,20 +201,17 @@ def run(Ad, W, G0, G1, C, x0, z0, tape, p, pz, nwork, nresult, t0, h, X, F, Z):
         if not fine:
             X[k + 1 :] = np.nan
             return k
+        place(C, X, k + 1, xb, vb)
     return S
 
 
 @nb.njit(cache=True, error_model="numpy")
-def along(x, v, t0, h, operations, constants, p, z0, nwork, out):
+def along(x, v, t0, h, operations, results, laws, cells, states, out):
     """Force (N,) of one effect with states along a given motion x, v (N,) of its place; its tape gives [f, z...]."""
-    nz = len(z0)
-    given = np.zeros(HEAD + nz + len(p))
-    given[HEAD : HEAD + nz] = z0
-    given[HEAD + nz :] = p
-    work, result = np.zeros(nwork), np.zeros(1 + nz)
+    cells[3] = h
     for k in range(len(x)):
-        before = x[k - 1] if k > 0 else x[0]
-        given[0], given[1], given[2], given[3], given[4] = x[k], v[k], t0 + k * h, h, before
-        play(operations, constants, 0, len(operations), given, work, result)
-        out[k] = result[0]
-        given[HEAD : HEAD + nz] = result[1:]
+        cells[2], cells[4] = t0 + k * h, x[k - 1] if k > 0 else x[0]
+        law_at(0, operations, laws, cells, x[k], v[k])
+        out[k] = cells[results[0]]
+        for i in range(states):
+            cells[HEAD + i] = cells[results[1 + i]]

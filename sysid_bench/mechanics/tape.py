@@ -10,231 +10,120 @@ import math
 from dataclasses import dataclass
 
 import casadi as ca
-import numba as nb
 import numpy as np
 
+from sysid_bench.mechanics.play import CODES, NAMES
 from sysid_bench.nouns import Array, InputError
 
-# fmt: off
-NAMES = (
-    "ASSIGN ADD SUB MUL DIV NEG EXP LOG POW CONSTPOW SQRT SQ TWICE SIN COS TAN ASIN ACOS ATAN "
-    "LT LE EQ NE NOT AND OR FLOOR CEIL FMOD FABS SIGN COPYSIGN IF_ELSE_ZERO ERF FMIN FMAX INV "
-    "SINH COSH TANH ATAN2 HYPOT LOG1P EXPM1 CONST INPUT OUTPUT"
-).split()
-(ASSIGN, ADD, SUB, MUL, DIV, NEG, EXP, LOG, POW, CONSTPOW, SQRT, SQ, TWICE, SIN, COS, TAN, ASIN, ACOS, ATAN, LT, LE, EQ, NE, NOT, AND, OR, FLOOR, CEIL, FMOD, FABS, SIGN, COPYSIGN, IF_ELSE_ZERO, ERF, FMIN, FMAX, INV, SINH, COSH, TANH, ATAN2, HYPOT, LOG1P, EXPM1, CONST, INPUT, OUTPUT) = range(47)
-# fmt: on
+EMPTY = np.zeros((0, 4), dtype=np.uint64)
 _OPCODES = {getattr(ca, name): name.removeprefix("OP_") for name in dir(ca) if name.startswith("OP_")}
-_CODE = {name: code for code, name in enumerate(NAMES)}
 
 
 @dataclass(frozen=True, eq=False)
 class Tape:
-    """operations (m, 4) int64: code, out, first, second; constants (m,); work cells; number of outputs."""
+    """A law as operations on numbered cells: first its inputs, then constants (nc,), then what each operation gives.
 
-    operations: np.ndarray
+    operations (m, 4) unsigned: code, cell of the result, of the first and of the second operand; results (k,): cells of
+    the outputs
+    """
+
+    inputs: int
     constants: Array
-    work: int
-    outputs: int
+    operations: np.ndarray
+    results: np.ndarray
+
+    @property
+    def cells(self) -> int:
+        return self.inputs + len(self.constants) + len(self.operations)
 
 
 def tape(function: ca.Function) -> Tape:
     """Tape of an SX function of one input vector and one output vector. Raises InputError on an unknown operation."""
-    rows, constants = [], []
-    for k in range(function.n_instructions()):
-        name = _OPCODES[function.instruction_id(k)]
-        if name not in _CODE:
-            known = ", ".join(NAMES[1:44]).lower()
-            raise InputError(f"an effect's law uses {name.lower()}; it may use {known}.")
-        into, out = list(function.instruction_input(k)), function.instruction_output(k)
-        into = [into[1]] if name == "INPUT" else into
-        out = [out[1]] if name == "OUTPUT" else out
-        rows.append([_CODE[name], out[0], *(into + into + [0, 0])[:2]])
-        constants.append(function.instruction_constant(k) if name == "CONST" else 0.0)
-    operations = np.array(rows, dtype=np.int64).reshape(-1, 4)
-    return Tape(operations, np.array(constants, dtype=float), function.sz_w(), function.nnz_out())
+    count, inputs = function.n_instructions(), function.nnz_in()
+    kinds = [_OPCODES[function.instruction_id(k)] for k in range(count)]
+    constants = [float(function.instruction_constant(k)) for k in range(count) if kinds[k] == "CONST"]
+    # cell that holds now what CasADi keeps in each place of its own work vector, which it uses again and again
+    held, rows, results = {}, [], np.zeros(function.nnz_out(), dtype=np.uint64)
+    fixed, free = inputs, inputs + len(constants)
+    for k, kind in enumerate(kinds):
+        into, out = function.instruction_input(k), function.instruction_output(k)
+        if kind == "INPUT":
+            held[out[0]] = into[1]
+        elif kind == "CONST":
+            held[out[0]], fixed = fixed, fixed + 1
+        elif kind == "OUTPUT":
+            results[out[1]] = held[into[0]]
+        elif kind == "ASSIGN":
+            held[out[0]] = held[into[0]]
+        elif kind in CODES:
+            operands = [held[i] for i in into]
+            rows.append([CODES[kind], free, operands[0], operands[-1]])
+            held[out[0]], free = free, free + 1
+        else:
+            raise InputError(f"an effect's law uses {kind.lower()}; it may use {', '.join(NAMES).lower()}.")
+    return Tape(inputs, np.array(constants), np.array(rows, dtype=np.uint64).reshape(-1, 4), results)
 
 
-def join(tapes: list[Tape]) -> tuple[np.ndarray, Array, np.ndarray, int]:
-    """Tapes end to end: operations, constants, first row of each (len + 1), work cells needed."""
-    starts = np.cumsum([0, *(len(one.operations) for one in tapes)]).astype(np.int64)
-    if not tapes:
-        return np.zeros((0, 4), dtype=np.int64), np.zeros(0), starts, 1
-    operations = np.concatenate([one.operations for one in tapes])
-    return (
-        operations,
-        np.concatenate([one.constants for one in tapes]),
-        starts,
-        max(one.work for one in tapes),
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Tapes end to end on one row of cells, as the compiled loops read them.
+
+    operations (m, 4); results (k,); laws (ne, 5): cell of the first input, first and last operation, first and last result;
+    cells (nc,): constants in their places
+    """
+
+    operations: np.ndarray
+    results: np.ndarray
+    laws: np.ndarray
+    cells: Array
+
+    @property
+    def code(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All but the cells, for a compiled loop."""
+        return self.operations, self.results, self.laws
+
+
+def join(tapes: list[Tape]) -> Joined:
+    """Tapes end to end."""
+    sizes = np.array([(x.cells, len(x.operations), len(x.results)) for x in tapes], dtype=int).reshape(-1, 3)
+    bases, ends, last = np.pad(np.cumsum(sizes, axis=0), ((1, 0), (0, 0))).T
+    cells = np.zeros(bases[-1])
+    for one, base in zip(tapes, bases):
+        at = base + one.inputs
+        cells[at : at + len(one.constants)] = one.constants
+    shift = np.array([0, 1, 1, 1], dtype=np.uint64)
+    return Joined(
+        np.concatenate([*(x.operations + shift * np.uint64(at) for x, at in zip(tapes, bases)), EMPTY]),
+        np.concatenate([*(x.results + np.uint64(at) for x, at in zip(tapes, bases)), EMPTY[:, 0]]),
+        np.column_stack([bases[:-1], ends[:-1], ends[1:], last[:-1], last[1:]]),
+        cells,
     )
 
 
 def over(one: Tape, given: list) -> list:
     """Outputs of a tape for whole arrays at once: given holds one array or number per input."""
-    work: list = [0.0] * max(one.work, 1)
-    result: list = [0.0] * one.outputs
-    for (code, out, first, second), constant in zip(one.operations.tolist(), one.constants.tolist()):
-        if code == INPUT:
-            work[out] = given[first]
-        elif code == CONST:
-            work[out] = constant
-        elif code == OUTPUT:
-            result[out] = work[first]
-        else:
-            work[out] = _ARRAY[code](work[first], work[second])
-    return result
+    cells: list = [*given, *one.constants.tolist()]
+    for code, _, first, second in one.operations.tolist():
+        cells.append(_ARRAY[code](cells[first], cells[second]))
+    return [cells[k] for k in one.results.tolist()]
 
 
-_ARRAY = {
-    ASSIGN: lambda a, b: a, ADD: lambda a, b: a + b, SUB: lambda a, b: a - b, MUL: lambda a, b: a * b,
-    DIV: lambda a, b: a / b, NEG: lambda a, b: -a, EXP: lambda a, b: np.exp(a), LOG: lambda a, b: np.log(a),
-    POW: lambda a, b: a**b, CONSTPOW: lambda a, b: a**b, SQRT: lambda a, b: np.sqrt(a), SQ: lambda a, b: a * a,
-    TWICE: lambda a, b: 2.0 * a, SIN: lambda a, b: np.sin(a), COS: lambda a, b: np.cos(a), TAN: lambda a, b: np.tan(a),
-    ASIN: lambda a, b: np.arcsin(a), ACOS: lambda a, b: np.arccos(a), ATAN: lambda a, b: np.arctan(a),
-    LT: lambda a, b: 1.0 * (a < b), LE: lambda a, b: 1.0 * (a <= b), EQ: lambda a, b: 1.0 * (a == b),
-    NE: lambda a, b: 1.0 * (a != b), NOT: lambda a, b: 1.0 * (a == 0), AND: lambda a, b: 1.0 * ((a != 0) & (b != 0)),
-    OR: lambda a, b: 1.0 * ((a != 0) | (b != 0)), FLOOR: lambda a, b: np.floor(a), CEIL: lambda a, b: np.ceil(a),
-    FMOD: lambda a, b: np.fmod(a, b), FABS: lambda a, b: np.abs(a), SIGN: lambda a, b: np.sign(a),
-    COPYSIGN: lambda a, b: np.copysign(a, b), IF_ELSE_ZERO: lambda a, b: np.where(a != 0, b, 0.0),
-    ERF: lambda a, b: np.vectorize(math.erf)(a), FMIN: lambda a, b: np.minimum(a, b), FMAX: lambda a, b: np.maximum(a, b),
-    INV: lambda a, b: 1.0 / a, SINH: lambda a, b: np.sinh(a), COSH: lambda a, b: np.cosh(a), TANH: lambda a, b: np.tanh(a),
-    ATAN2: lambda a, b: np.arctan2(a, b), HYPOT: lambda a, b: np.hypot(a, b), LOG1P: lambda a, b: np.log1p(a),
-    EXPM1: lambda a, b: np.expm1(a),
-}  # fmt: skip
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _of_one(code, a):
-    if code == ASSIGN:
-        return a
-    if code == NEG:
-        return -a
-    if code == EXP:
-        return math.exp(a)
-    if code == LOG:
-        return math.log(a)
-    if code == SQRT:
-        return math.sqrt(a)
-    if code == SQ:
-        return a * a
-    if code == TWICE:
-        return 2.0 * a
-    if code == SIN:
-        return math.sin(a)
-    if code == COS:
-        return math.cos(a)
-    if code == TAN:
-        return math.tan(a)
-    if code == ASIN:
-        return math.asin(a)
-    if code == ACOS:
-        return math.acos(a)
-    if code == ATAN:
-        return math.atan(a)
-    if code == NOT:
-        return 1.0 if a == 0.0 else 0.0
-    if code == FLOOR:
-        return float(math.floor(a))
-    if code == CEIL:
-        return float(math.ceil(a))
-    if code == FABS:
-        return abs(a)
-    if code == SIGN:
-        return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else 0.0)
-    if code == ERF:
-        return math.erf(a)
-    if code == INV:
-        return 1.0 / a
-    if code == SINH:
-        return math.sinh(a)
-    if code == COSH:
-        return math.cosh(a)
-    if code == TANH:
-        return math.tanh(a)
-    if code == LOG1P:
-        return math.log1p(a)
-    if code == EXPM1:
-        return math.expm1(a)
-    return math.nan
-
-
-@nb.njit(cache=True, error_model="numpy")
-def _of_two(code, a, b):
-    if code == ADD:
-        return a + b
-    if code == SUB:
-        return a - b
-    if code == MUL:
-        return a * b
-    if code == DIV:
-        return a / b
-    if code == POW:
-        return a**b
-    if code == CONSTPOW:
-        return a**b
-    if code == LT:
-        return 1.0 if a < b else 0.0
-    if code == LE:
-        return 1.0 if a <= b else 0.0
-    if code == EQ:
-        return 1.0 if a == b else 0.0
-    if code == NE:
-        return 1.0 if a != b else 0.0
-    if code == AND:
-        return 1.0 if a != 0.0 and b != 0.0 else 0.0
-    if code == OR:
-        return 1.0 if a != 0.0 or b != 0.0 else 0.0
-    if code == FMOD:
-        return a - b * float(math.trunc(a / b))
-    if code == COPYSIGN:
-        return math.copysign(a, b)
-    if code == IF_ELSE_ZERO:
-        return b if a != 0.0 else 0.0
-    if code == FMIN:
-        return min(a, b)
-    if code == FMAX:
-        return max(a, b)
-    if code == ATAN2:
-        return math.atan2(a, b)
-    if code == HYPOT:
-        return math.hypot(a, b)
-    return math.nan
-
-
-@nb.njit(cache=True, error_model="numpy")
-def play(operations, constants, first, last, given, work, result):
-    """Run rows first..last on the input vector `given`; writes `result`."""
-    for k in range(first, last):
-        code, out = operations[k, 0], operations[k, 1]
-        if code == INPUT:
-            work[out] = given[operations[k, 2]]
-        elif code == CONST:
-            work[out] = constants[k]
-        elif code == OUTPUT:
-            result[out] = work[operations[k, 2]]
-        elif code == MUL:
-            work[out] = work[operations[k, 2]] * work[operations[k, 3]]
-        elif code == ADD:
-            work[out] = work[operations[k, 2]] + work[operations[k, 3]]
-        elif code == SUB:
-            work[out] = work[operations[k, 2]] - work[operations[k, 3]]
-        elif code in (
-            DIV,
-            POW,
-            CONSTPOW,
-            LT,
-            LE,
-            EQ,
-            NE,
-            AND,
-            OR,
-            FMOD,
-            COPYSIGN,
-            IF_ELSE_ZERO,
-            FMIN,
-            FMAX,
-            ATAN2,
-            HYPOT,
-        ):
-            work[out] = _of_two(code, work[operations[k, 2]], work[operations[k, 3]])
-        else:
-            work[out] = _of_one(code, work[operations[k, 2]])
+_ARRAY = [
+    {
+        "ADD": lambda a, b: a + b, "SUB": lambda a, b: a - b, "MUL": lambda a, b: a * b,
+        "DIV": lambda a, b: a / b, "NEG": lambda a, b: -a, "EXP": lambda a, b: np.exp(a), "LOG": lambda a, b: np.log(a),
+        "POW": lambda a, b: a**b, "CONSTPOW": lambda a, b: a**b, "SQRT": lambda a, b: np.sqrt(a), "SQ": lambda a, b: a * a,
+        "TWICE": lambda a, b: 2.0 * a, "SIN": lambda a, b: np.sin(a), "COS": lambda a, b: np.cos(a), "TAN": lambda a, b: np.tan(a),
+        "ASIN": lambda a, b: np.arcsin(a), "ACOS": lambda a, b: np.arccos(a), "ATAN": lambda a, b: np.arctan(a),
+        "LT": lambda a, b: 1.0 * (a < b), "LE": lambda a, b: 1.0 * (a <= b), "EQ": lambda a, b: 1.0 * (a == b),
+        "NE": lambda a, b: 1.0 * (a != b), "NOT": lambda a, b: 1.0 * (a == 0), "AND": lambda a, b: 1.0 * ((a != 0) & (b != 0)),
+        "OR": lambda a, b: 1.0 * ((a != 0) | (b != 0)), "FLOOR": lambda a, b: np.floor(a), "CEIL": lambda a, b: np.ceil(a),
+        "FMOD": lambda a, b: np.fmod(a, b), "FABS": lambda a, b: np.abs(a), "SIGN": lambda a, b: np.sign(a),
+        "COPYSIGN": lambda a, b: np.copysign(a, b), "IF_ELSE_ZERO": lambda a, b: np.where(a != 0, b, 0.0),
+        "ERF": lambda a, b: np.vectorize(math.erf)(a), "FMIN": lambda a, b: np.minimum(a, b), "FMAX": lambda a, b: np.maximum(a, b),
+        "INV": lambda a, b: 1.0 / a, "SINH": lambda a, b: np.sinh(a), "COSH": lambda a, b: np.cosh(a), "TANH": lambda a, b: np.tanh(a),
+        "ATAN2": lambda a, b: np.arctan2(a, b), "HYPOT": lambda a, b: np.hypot(a, b), "LOG1P": lambda a, b: np.log1p(a),
+        "EXPM1": lambda a, b: np.expm1(a),
+    }[name]
+    for name in NAMES
+]  # fmt: skip

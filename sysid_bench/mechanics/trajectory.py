@@ -11,43 +11,48 @@ from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.assembly import Assembly, actuated, hidden_start, initial_states
 from sysid_bench.mechanics.effect import Effect, law_tapes
 from sysid_bench.mechanics.exact_step import Step, exact_step
-from sysid_bench.mechanics.tape import join
+from sysid_bench.mechanics.tape import Joined, join
 from sysid_bench.nouns import Array
 
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The force effects' tapes and parameters, as the compiled loops read them."""
+    """The force effects' tapes and parameters, as the compiled loops read them: value gives force and states, slopes their Jacobian."""
 
-    value: tuple
-    slopes: tuple
+    value: Joined
+    slopes: Joined
     p: Array
     spans: np.ndarray  # (ne, 4): first and last parameter, first and last state
-    work: int
-    results: int
 
     @property
     def nz(self) -> int:
         return int(self.spans[-1, 3]) if len(self.spans) else 0
 
+    def cells(self, joined: Joined) -> Array:
+        """Cells for one run, parameters in their places."""
+        out = joined.cells.copy()
+        for law, (first, last, z_first, z_last) in zip(joined.laws, self.spans):
+            at = int(law[0]) + stepping.HEAD + z_last - z_first
+            out[at : at + last - first] = self.p[first:last]
+        return out
+
 
 @lru_cache(maxsize=512)
-def _joined(kinds: tuple) -> tuple:
-    pairs = [law_tapes(effect) for effect in kinds]
-    value, slopes = join([a for a, _, _ in pairs]), join([b for _, b, _ in pairs])
-    return value[:3], slopes[:3], max(value[3], slopes[3]), max([b.outputs for _, b, _ in pairs] + [4])
+def _joined(kinds: tuple) -> tuple[Joined, Joined]:
+    tapes = [law_tapes(effect) for effect in kinds]
+    return join([value for value, _, _ in tapes]), join([slopes for _, slopes, _ in tapes])
 
 
 def laws_of(forces: tuple[Effect, ...]) -> Laws:
     """Tapes of the force effects, joined."""
-    value, slopes, work, results = _joined(tuple(forces))
+    value, slopes = _joined(tuple(forces))
     values = [e.values for e in forces]
     spans, p_at, z_at = [], 0, 0
     for e, v in zip(forces, values):
         spans.append([p_at, p_at + len(v), z_at, z_at + e.states])
         p_at, z_at = p_at + len(v), z_at + e.states
     p = np.concatenate([*values, np.zeros(0)])
-    return Laws(value, slopes, p, np.array(spans, dtype=np.int64).reshape(-1, 4), work, results)
+    return Laws(value, slopes, p, np.array(spans, dtype=np.int64).reshape(-1, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +112,7 @@ def trajectory(
     X, F, Z = np.empty((S + 1, 2 * A.n)), np.zeros((S + 1, ne)), np.zeros((S + 1, laws.nz))
     G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
     stepping.run(
-        step.Ad, W, G0, G1, A.directions, x0, z0, laws.value, laws.p, laws.spans, laws.work, laws.results,
-        t0, small, X, F, Z,
+        step.Ad, W, G0, G1, A.directions, x0, z0, *laws.value.code, laws.cells(laws.value), laws.spans, t0, small,
+        X, F, Z,
     )  # fmt: skip
     return Trajectory(A, step, laws, X, F, Z, force, small, substeps, t0)
