@@ -24,6 +24,7 @@ from sysid_bench.gap.contend import (
 )
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen, shortlist
+from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.problem import Problem, evaluate
@@ -37,6 +38,7 @@ PAIRS = 3  # fitted by simulation
 FAR = (
     1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
 )
+NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
 CLEAN = 1.2  # rho at which an explanation is complete
 
 
@@ -172,7 +174,8 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
     linear, R = story.linear, len(story.linear.rows)
     linear_gap = max(linear.rss - R, 1.0)
     for k in range(rules.most):
-        if story.fit.rho < rules.enough and k > 0:
+        left = story.fit.rho - 1
+        if k > 0 and left < max(rules.enough - 1, NEGLIGIBLE * (linear.rho - 1)):
             break
         if k == 0:
             round_ = first
@@ -189,6 +192,7 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
         story.fit = chosen.fit
         if chosen.is_decoy:
             break
+        problem, story.fit = on_finer_steps(problem, story.fit)
         if k > 0:
             story.fit = _reconsidered(problem, story.fit, catalogue, rules, linear_gap)
             story.fit = _pruned(problem, story.fit, rules)

@@ -98,9 +98,9 @@ def _inverted(problem: Problem, trace: Trace, left: np.ndarray, power: int) -> n
     X = (_gain(trace, left) * left) @ np.linalg.pinv(problem.model.output_map).T
     if power == 0:
         return X
-    s = 1j * trace.omega[:, None]
-    s[:4] = np.inf
-    return X / s**power
+    X[4:] /= (1j * trace.omega[4:, None]) ** power
+    X[:4] = 0
+    return X
 
 
 def _added(problem: Problem, trace: Trace, run: Trajectory, left: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -33,13 +33,15 @@ class Point:
 class Problem:
     """The nominal model, which of its entries may move, and the traces to fit.
 
-    entries (matrix 0|1|2, row, column); scale (ntheta,) size of each entry in SI
+    entries (matrix 0|1|2, row, column); scale (ntheta,) size of each entry in SI; fineness: times the usual number of
+    steps between samples
     """
 
     model: Model
     traces: tuple[Trace, ...]
     entries: tuple[tuple[int, int, int], ...]
     scale: Array
+    fineness: int = field(default=1, kw_only=True)
 
     @property
     def prior(self) -> Array:

@@ -34,10 +34,13 @@ def free_run_gap(y: Array, predicted: Array, good: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.mean((y - predicted) ** 2, axis=0) / power)))
 
 
-def prove(model: Model, record: Record, phases: frozenset[str] = PHASES) -> Proof:
-    """Free run of a model on a record; its start and its own phases are fitted on the record's first quarter."""
+def prove(model: Model, record: Record, phases: frozenset[str] = PHASES, fineness: int = 1) -> Proof:
+    """Free run of a model on a record; its start and its own phases are fitted on the record's first quarter.
+
+    fineness: times the usual number of steps between samples
+    """
     trace = trace_of(record, model)
-    problem = Problem(model, (trace,), (), np.zeros(0))
+    problem = Problem(model, (trace,), (), np.zeros(0), fineness=fineness)
     point = _own_start(problem, trace, phases)
     found = evaluate_free(problem, trace, point)
     return Proof(record, trace, found, free_run_gap(trace.y, found, trace.good))

@@ -156,10 +156,10 @@ def noise_floor(trace: Trace, residual: Array, lattice: Array, omega_max: float 
 
     omega_max: rad/s of the fastest mode; well above it only noise is heard.
     """
-    variance = white_floor(trace, residual, lattice)
-    phi = np.zeros(len(variance))
     window = np.hanning(trace.N)[:, None] / np.sqrt(0.375)  # else the ends leak a slope into every frequency
     R = _periodogram(trace, residual * window)
+    variance = _white(trace, R, lattice)
+    phi = np.zeros(len(variance))
     for c in np.flatnonzero(lattice == 0):
         found = coloured(R[:, c], 2 * omega_max * trace.h / np.pi)
         if found is not None:

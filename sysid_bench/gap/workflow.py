@@ -17,8 +17,10 @@ from sysid_bench.gap.colour import Floor, mean_floor
 from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, floats, judge_on_force, on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
+from sysid_bench.gap.free_run import run, shown
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import Problem, evaluate, frequency_range, problem_of
 from sysid_bench.gap.prove import Proof, prove
@@ -31,6 +33,8 @@ from sysid_bench.mechanics.compiled import SECONDS, is_compiled
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.mechanics.tangents import tangents
 from sysid_bench.nouns import Array, InputError, Model, Record
+
+LOWER = 0.85  # of the noise floor: from which what a fit leaves shows a lower one
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +116,16 @@ def find_gap(
     linear = linear_fit(problem)
     if linear is None:
         raise InputError("the model cannot be simulated on these records: its motion leaves every bound.")
+    problem, linear = _on_a_lower_floor(problem, linear, check)
+    nominal_rho = _nominal_rho(problem)
     tell(f"other M, D, K leave {linear.rho:.4g} times")
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
-    try:
-        if isinstance(problem, ForceProblem):
-            story = choose_on_force(problem, linear, catalogue, rules)
-        else:
-            story = choose(problem, linear, catalogue, rules)
-    except np.linalg.LinAlgError as trouble:  # a singular normal matrix: what the refit says still holds
-        tell(f"the search for effects ended early ({trouble})")
-        story = Story(linear, linear)
+    story = _chosen(problem, linear, catalogue, rules, tell)
+    lower = _lower_floor(problem, story.fit, check)
+    if lower is not None:  # what is left shows the noise better than the record did: judged again by it
+        problem, linear = lower, linear_fit(lower) or linear
+        nominal_rho = _nominal_rho(problem)
+        story = _chosen(problem, linear, catalogue, rules, tell)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
@@ -129,7 +133,8 @@ def find_gap(
     last = _final_screen(problem, story, catalogue) if power else None
     judged = _on_the_force(problem, linear, given, better, test) if problem.on_force else None
     if judged is None:
-        before, after = ([prove(m, r) for r in test] for m in (given, better))
+        fine = finer(problem, story.fit.point).fineness
+        before, after = ([prove(m, r, fineness=fine) for r in test] for m in (given, better))
     else:  # a drifting position tells little of a phase: it is known from the force
         before, after = (
             [prove(j.model, r, frozenset()) for j, r in zip(judged[which], test)]
@@ -139,6 +144,42 @@ def find_gap(
     return Answer(
         verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, floor_found, judged,
     )  # fmt: skip
+
+
+def _chosen(problem: Problem, linear: Fit, catalogue, rules: Rules, tell) -> Story:
+    """The story of the missing effects; without any where the search breaks down."""
+    try:
+        if isinstance(problem, ForceProblem):
+            return choose_on_force(problem, linear, catalogue, rules)
+        return choose(problem, linear, catalogue, rules)
+    except np.linalg.LinAlgError as trouble:  # a singular normal matrix: what the refit says still holds
+        tell(f"the search for effects ended early ({trouble})")
+        return Story(linear, linear)
+
+
+def _on_a_lower_floor(problem: Problem, linear: Fit, check: DataCheck) -> tuple[Problem, Fit]:
+    """The problem and its refit, on the floor that the refit shows where that is lower."""
+    lower = _lower_floor(problem, linear, check)
+    again = linear_fit(lower) if lower is not None else None
+    return (problem, linear) if lower is None or again is None else (lower, again)
+
+
+def _lower_floor(problem: Problem, fit: Fit, check: DataCheck) -> Problem | None:
+    """The problem on the noise floor of what a fit leaves; None where that is much the same.
+
+    Few samples per period, or hard contacts, and the motion itself still fills the highest frequencies of a record.
+    """
+    if isinstance(problem, ForceProblem):
+        return None
+    omega = max(frequency_range(problem.model, t)[1] for t in problem.traces)
+    left = [t.y - shown(problem, t, one) for t, one in zip(problem.traces, fit.runs)]
+    found = mean_floor([noise_floor(t, r, check.lattice, omega) for t, r in zip(problem.traces, left)])
+    present = np.mean([t.variance for t in problem.traces], axis=0)
+    if np.all(found.variance > LOWER * present):
+        return None
+    floor = Floor(np.minimum(found.variance, present), found.phi)
+    end = max(band_end(t, floor, omega) for t in problem.traces)
+    return problem.on(tuple(banded(t, floor, end) for t in problem.traces))
 
 
 def _on_the_force(
@@ -195,8 +236,6 @@ def _nominal_rho(problem: Problem) -> float:
 
 def _floor(problem: Problem, lattice: Array, omega: float) -> Floor:
     """Noise over all traces: per channel the smaller of what the nominal leaves and what y itself shows on high."""
-    from sysid_bench.gap.free_run import run, shown
-
     point = problem.nominal()
     model = problem.model_at(point)
     parts = []
