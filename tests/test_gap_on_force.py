@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sysid_bench.gap.held_out import is_sure
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
@@ -147,3 +148,12 @@ def test_a_hidden_mode_of_a_free_mass_is_found():
     assert answer.added[0].frequency == pytest.approx(6.0, rel=0.01)
     assert answer.added[0].mass == pytest.approx(0.6, rel=0.03)
     assert answer.force_gaps["better"] < 0.05 * answer.force_gaps["refitted"]
+
+
+def test_a_gain_that_one_stretch_makes_is_sure_only_where_it_is_large_and_harms_none():
+    once, even = np.zeros(12), np.full(12, 10.0)
+    once[4] = 120.0
+    assert is_sure(even, left=1e4)
+    assert is_sure(once, left=200.0)
+    assert not is_sure(once, left=1000.0)
+    assert not is_sure(once - 2.0 * (np.arange(12) % 2), left=200.0)

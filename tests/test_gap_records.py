@@ -25,14 +25,17 @@ K = 10 * D
 H, N = 0.1, 3000
 
 
-def recorded(seed, level=1.0, samples=N, forces=(0, 1, 2), sensors=(0, 1, 2), noise=0.01):
+def recorded(
+    seed, level=1.0, samples=N, forces=(0, 1, 2), sensors=(0, 1, 2), noise=0.01, output="displacement"
+):
     """A record of the plant with a hardening spring on DOF 1."""
     from plants import excite
 
     rng = np.random.default_rng(seed)
     u = level * excite("noise", samples, H, len(forces), 1.0, 2.5, rng)
     plant = Plant(
-        M, D, K, input_map=np.eye(3)[:, list(forces)], output_map=np.eye(3)[list(sensors)], effects=(CubicStiffness(1, 8.0),)
+        M, D, K, input_map=np.eye(3)[:, list(forces)], output_map=np.eye(3)[list(sensors)], output=output,
+        effects=(CubicStiffness(1, 8.0),),
     )  # fmt: skip
     y = simulate(plant, u, H, "cubic").y
     return Record(np.arange(samples) * H, u, y + noise * rng.normal(size=y.shape), hold="cubic")
@@ -94,6 +97,14 @@ def test_unequal_lengths_and_amplitudes(tmp_path):
 def test_sensors_on_some_degrees_of_freedom(tmp_path):
     some = {"sensors": (0, 2)}
     values = gap(tmp_path, [recorded(1, **some)], [recorded(2, **some)], model(**some))
+    assert named(values) == [("cubic_stiffness", 1)]
+
+
+@pytest.mark.parametrize("output", ["velocity", "acceleration"])
+def test_velocity_and_acceleration(tmp_path, output):
+    given = replace(model(), output=output)
+    train, test = (recorded(seed, noise=0.1, output=output) for seed in (1, 2))
+    values = gap(tmp_path, [train], [test], given)
     assert named(values) == [("cubic_stiffness", 1)]
 
 

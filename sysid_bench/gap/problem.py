@@ -130,8 +130,24 @@ def problem_of(model: Model, traces: tuple[Trace, ...]) -> Problem:
                 if mask[i, j] and (i == j or linked):
                     entries.append((m, i, j))
                     size = 0.2 * np.sqrt(abs(X[i, i] * X[j, j]))
-                    scale.append(max(abs(X[i, j]), size, _natural(m, model, i, j)))
+                    scale.append(
+                        max(
+                            abs(X[i, j]),
+                            size,
+                            _natural(m, model, i, j),
+                            _free_damping(m, model, traces, i, j),
+                        )
+                    )
     return Problem(model, traces, tuple(entries), np.array(scale))
+
+
+def _free_damping(m: int, model: Model, traces: tuple[Trace, ...], i: int, j: int) -> float:
+    """A size for the damping of a mass that no spring holds: a tenth of what would stop it in mid band."""
+    M, _, K = model.matrices
+    if m != 1 or i != j or K[i, i] != 0:
+        return 0.0
+    low, high = frequency_range(model, traces[0])
+    return float(0.1 * M[i, i] * np.sqrt(low * high))
 
 
 def _natural(m: int, model: Model, i: int, j: int) -> float:

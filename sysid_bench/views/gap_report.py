@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,13 +45,21 @@ def place_words(dof: Any) -> str:
 
 def equations(answer: Answer) -> list[tuple[str, str]]:
     """(which, equation) of the model as given and of the better one."""
-    old = "M q'' + D q' + K q" + _terms(answer.problem.model.effects) + " = L u"
-    new = "M q'' + D q' + K q" + _terms(answer.better.effects) + " = L u"
-    return [("as given", old), ("better", new)]
+    given = [e for e in answer.problem.model.effects if e.name != "constant_force" or e.value("force")]
+    return [("as given", equation(given)), ("better", equation(answer.better.effects))]
 
 
-def _terms(effects: Any) -> str:
-    return "".join(f" + [{e.equation}] at {place_words(e.dof)}" for e in effects)
+PATHS = {"actuator": "the drive gives", "sensor": "the sensor shows", "structure": "the structure has"}
+
+
+def equation(effects: Sequence[Any]) -> str:
+    """The equation of motion, a line for each effect: forces on the left, what is no force below."""
+    forces = [e for e in effects if e.path == "force"]
+    lines = ["M q'' + D q' + K q", *(f"  + [{e.equation}] at {place_words(e.dof)}" for e in forces)]
+    lines[-1] += " = L u"
+    others = [e for e in effects if e.path != "force"]
+    lines += [f"{PATHS.get(e.path, e.path)} {e.equation} at {place_words(e.dof)}" for e in others]
+    return "\n".join(lines)
 
 
 def suspects(values: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
@@ -88,7 +96,8 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
         _image(
             bars(held_out(values), "%"),
             "held-out error",
-            "Free-run error on the test records, which chose nothing, in per cent of the measured rms.",
+            f"{'Error of the force' if answer.judged else 'Free-run error'} on the test records, which chose nothing, "
+            "in per cent of the measured rms.",
         ),
     ]
     if answer.judged:
@@ -230,53 +239,66 @@ def _spectrum(answer: Answer) -> str:
     return axes.text()
 
 
-def unexplained(answer: Answer, c: Array) -> tuple[Array, Array, Array]:
-    """x, v, force (N,) along c on the first training record: measured force minus the better model's linear part."""
+def unexplained(answer: Answer, effect: Any) -> tuple[Array, Array, Array]:
+    """x, v, force (N,) at an effect's place on the first training record: what the better model without it leaves."""
     problem, fit = answer.problem, answer.story.fit
+    c = direction(effect.dof, problem.model.n)
     trace, run = problem.traces[0], fit.runs[0]
     q, v, a = smoothed(problem, trace, run)
     M, D, K = problem.matrices(fit.point.theta)
     force = trace.u @ problem.model.input_map.T - a @ M.T - v @ D.T - q @ K.T
+    for other in fit.point.effects:
+        if other.path == "force" and other is not effect:
+            o = direction(other.dof, problem.model.n)
+            force = force - np.outer(force_along(other, q @ o, v @ o, trace.h, trace.t0), o)
     ends = c != 0
     return q @ c, v @ c, force[:, ends] @ (c[ends] / np.sum(ends))
 
 
+def found_forces(answer: Answer) -> list[Any]:
+    """The forces that were found, without those that the model had."""
+    effects = answer.story.fit.point.effects[len(answer.problem.model.effects) :]
+    return [e for e in effects if e.path == "force"]
+
+
 def _clouds(answer: Answer) -> list[Mapping[str, str]]:
-    found = []
-    for effect in answer.story.fit.point.effects:
-        if effect.path != "force":
-            continue
-        c = direction(effect.dof, answer.problem.model.n)
-        x, v, force = unexplained(answer, c)
-        trace = answer.problem.traces[0]
-        fitted = force_along(effect, x, v, trace.h, trace.t0)
-        step = max(1, len(x) // CLOUD)
-        against, label = (
-            (v, "relative velocity (m/s)")
-            if _by_speed(effect, x, v, fitted)
-            else (x, "relative displacement (m)")
-        )
-        order = np.argsort(against[::step])
-        axes = Axes((float(against.min()), float(against.max())), _inner(force, fitted), label, "force (N)")
-        axes.dots(against[::step], force[::step], 7)
-        axes.dots(against[::step][order], fitted[::step][order], 1)
-        axes.legend([("unexplained force", 7), (effect.name, 1)])
+    found, fields = [], set()
+    for effect in found_forces(answer):
+        x, v, force = unexplained(answer, effect)
         where = place_words(effect.dof)
         found.append(
             _image(
-                axes.text(),
+                _cloud(answer, effect, x, v, force),
                 f"{effect.name} on the residual cloud",
-                f"Force that the linear part leaves at {where}, and {effect.name} as fitted.",
+                f"Force at {where} that the rest of the better model leaves, and {effect.name} as fitted.",
             )
         )
+        if where in fields:
+            continue
+        fields.add(where)
         found.append(
             _image(
                 field(x, v, force, "displacement (m)", "velocity (m/s)"),
                 "force over state",
-                f"The unexplained force at {where} over displacement and velocity: orange positive, blue negative.",
+                f"The same force at {where} over displacement and velocity: orange positive, blue negative.",
             )
         )
     return found
+
+
+def _cloud(answer: Answer, effect: Any, x: Array, v: Array, force: Array) -> str:
+    """An effect over what the rest leaves, against what it follows: displacement or velocity."""
+    trace = answer.problem.traces[0]
+    fitted = force_along(effect, x, v, trace.h, trace.t0)
+    step = max(1, len(x) // CLOUD)
+    by_speed = _by_speed(effect, x, v, fitted)
+    against, label = (v, "relative velocity (m/s)") if by_speed else (x, "relative displacement (m)")
+    order = np.argsort(against[::step])
+    axes = Axes((float(against.min()), float(against.max())), _inner(force, fitted), label, "force (N)")
+    axes.dots(against[::step], force[::step], 7)
+    axes.dots(against[::step][order], fitted[::step][order], 1)
+    axes.legend([("left by the rest", 7), (effect.name, 1)])
+    return axes.text()
 
 
 def _by_speed(effect: Any, x: Array, v: Array, f: Array) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.workflow import Answer
-from sysid_bench.views.gap_report import WORDS, budget, place_words, suspects, unexplained
+from sysid_bench.views.gap_report import WORDS, budget, found_forces, place_words, suspects, unexplained
 from sysid_bench.views.rerun_record import log_markdown, log_series, panels, recording, signal_view, x_range
 
 IN_SIGHT, CLOUD, BANDS = 600, 3000, 60
@@ -27,7 +27,7 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
         signal_view(f"output/{c + 1}", f"y{c + 1}: measured, given and better model", axis)
         for c in range(after.trace.y.shape[1])
     ]
-    force = [e for e in answer.story.fit.point.effects if e.path == "force"]
+    force = found_forces(answer)
     if force:
         views.append(signal_view("force", "unexplained force and the effect", axis))
     plots = rrb.Grid(*views, grid_columns=1 if len(views) <= 4 else 2)
@@ -60,10 +60,9 @@ def _log_force(stream: Any, answer: Answer, effect: Any) -> None:
     import rerun as rr
 
     from sysid_bench.gap.motion import force_along
-    from sysid_bench.mechanics.effect import direction
 
     trace = answer.problem.traces[0]
-    x, v, force = unexplained(answer, direction(effect.dof, answer.problem.model.n))
+    x, v, force = unexplained(answer, effect)
     index = rr.TimeColumn("t", duration=trace.t)
     log_series(stream, "force/unexplained", index, force, "unexplained force", -1)
     fitted = force_along(effect, x, v, trace.h, trace.t0)
