@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid_bench.gap.motion import force_along, smoothed
 from sysid_bench.gap.workflow import Answer
-from sysid_bench.mechanics.effect import direction
+from sysid_bench.mechanics.effect import as_effects, direction
 from sysid_bench.nouns import Array
 from sysid_bench.views.html import flat, render, write_page
 from sysid_bench.views.svg import Axes, bars, field
@@ -45,7 +45,9 @@ def place_words(dof: Any) -> str:
 
 def equations(answer: Answer) -> list[tuple[str, str]]:
     """(which, equation) of the model as given and of the better one."""
-    given = [e for e in answer.problem.model.effects if e.name != "constant_force" or e.value("force")]
+    given = [
+        e for e in as_effects(answer.problem.model.effects) if e.name != "constant_force" or e.value("force")
+    ]
     return [("as given", equation(given)), ("better", equation(answer.better.effects))]
 
 
