@@ -56,15 +56,34 @@ def response(assembly: Assembly, omega: Array, output: str, channels: bool = Tru
 
 def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Array:
     """(N,) force of an effect along a given motion of its place."""
-    law = law_tapes(effect)[2]
-    if effect.states == 0:
-        f = over(law, [x, v, t0 + h * np.arange(len(x)), h, x, 0.0, *effect.values.tolist()])[0]
-        return np.broadcast_to(np.asarray(f, dtype=float), x.shape)
-    one, out = join([law]), np.empty(len(x))
-    z0 = np.asarray(effect.at_rest(float(x[0])), dtype=float)
-    given = np.concatenate([np.zeros(stepping.HEAD), z0, effect.values])
-    cells = np.concatenate([given, one.cells[len(given) :]])
-    stepping.along(x, v, t0, h, *one.code, cells, len(z0), out)
+    return forces_along([effect], x, v, h, t0)[:, 0]
+
+
+def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
+    """(N, len(effects)) forces of some effects at one place along a given motion of it; one kind with memory is one loop."""
+    out = np.empty((len(x), len(effects)))
+    with_memory: dict[tuple, list[int]] = {}
+    for k, effect in enumerate(effects):
+        if effect.states:
+            with_memory.setdefault((type(effect), effect.numeric), []).append(k)
+        else:
+            given = [x, v, t0 + h * np.arange(len(x)), h, x, 0.0, *effect.values.tolist()]
+            out[:, k] = over(law_tapes(effect)[2], given)[0]
+    for which in with_memory.values():
+        out[:, which] = _remembered([effects[k] for k in which], x, v, h, t0)
+    return out
+
+
+def _remembered(alike: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
+    """The same of effects of one kind whose force depends on what was."""
+    one, states = join([law_tapes(alike[0])[2]]), alike[0].states
+    cells = np.repeat(one.cells[:, None], len(alike), axis=1)
+    for k, effect in enumerate(alike):
+        own = np.concatenate([effect.at_rest(float(x[0])), effect.values])
+        cells[stepping.HEAD : stepping.HEAD + len(own), k] = own
+    out = np.empty((len(x), len(alike)))
+    x, v = np.ascontiguousarray(x), np.ascontiguousarray(v)
+    stepping.along(x, v, t0, h, one.operations, one.results, cells, states, out)
     return out
 
 

@@ -15,7 +15,7 @@ from sysid_bench.gap.basis import thin
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.columns import actuated_difference, force_columns, mode_column
 from sysid_bench.gap.descent import free_parameters
-from sysid_bench.gap.motion import Seen, force_along
+from sysid_bench.gap.motion import Seen, forces_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.effect import POSITIVE, Effect, direction
 from sysid_bench.nouns import Array
@@ -135,8 +135,7 @@ def _responses(problem: Problem, point: Point, s: Seen, versions: list[Effect]) 
     if one.path == "force":
         c = direction(one.dof, n)
         x, v = s.q @ c, s.v @ c
-        forces = [force_along(e, x, v, s.trace.h, s.trace.t0) for e in versions]
-        return force_columns(s, c, np.column_stack(forces))
+        return force_columns(s, c, forces_along(versions, x, v, s.trace.h, s.trace.t0))
     if one.path == "actuator":
         return np.concatenate([actuated_difference(problem, point, s, None, e) for e in versions], axis=2)
     return np.stack([mode_column(problem, s, e) for e in versions], axis=2)

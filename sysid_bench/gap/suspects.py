@@ -17,7 +17,7 @@ from sysid_bench.gap.columns import (
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import force_along
+from sysid_bench.gap.motion import forces_along
 from sysid_bench.gap.problem import Point, Problem, frequency_range
 from sysid_bench.gap.search import Search, sizes
 from sysid_bench.mechanics.assembly import effect_channels
@@ -49,10 +49,7 @@ def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) 
         groups.append((at, at + width, one.make, max(width, free_count(one.columns[0]))))
         decoy.append(is_decoy)
         at += width
-    forces = [
-        np.column_stack([force_along(e, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for e in columns])
-        for s in seens
-    ]
+    forces = [forces_along(columns, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for s in seens]
     blocks = [force_columns(s, c, f) for s, f in zip(seens, forces)]
     if isinstance(place, int) and any(k.name == "extra_mode" for k in catalogue):
         more, makes = _hidden_modes(problem, seens, c, place, catalogue)

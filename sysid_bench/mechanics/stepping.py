@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
-from sysid_bench.mechanics.play import play
+from sysid_bench.mechanics.play import play, play_rows
 
 HEAD = 6
 
@@ -206,12 +206,17 @@ def run(Ad, W, G0, G1, C, x0, z0, operations, results, laws, cells, spans, t0, h
 
 
 @nb.njit(cache=True, error_model="numpy")
-def along(x, v, t0, h, operations, results, laws, cells, states, out):
-    """Force (N,) of one effect with states along a given motion x, v (N,) of its place; its tape gives [f, z...]."""
+def along(x, v, t0, h, operations, results, cells, states, out):
+    """Forces (N, K) of K effects of one kind with states along a given motion x, v (N,) of their place.
+
+    cells (nc, K) of the tape that gives [f, z...]: states and parameters in their places.
+    """
     cells[3] = h
     for k in range(len(x)):
-        cells[2], cells[4] = t0 + k * h, x[k - 1] if k > 0 else x[0]
-        law_at(0, operations, laws, cells, x[k], v[k])
-        out[k] = cells[results[0]]
-        for i in range(states):
-            cells[HEAD + i] = cells[results[1 + i]]
+        for j in range(cells.shape[1]):
+            cells[0, j], cells[1, j], cells[2, j], cells[4, j] = x[k], v[k], t0 + k * h, x[max(k - 1, 0)]
+        play_rows(operations, cells)
+        for j in range(cells.shape[1]):
+            out[k, j] = cells[results[0], j]
+            for i in range(states):
+                cells[HEAD + i, j] = cells[results[1 + i], j]
