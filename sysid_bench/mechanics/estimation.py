@@ -21,6 +21,7 @@ from sysid_bench.nouns import Array, Diverged, InputError, Model, NotApplicable,
 
 EDGE_OVER_TOP_MODE = 1.3  # a band that ends lower loses information
 WIDEST = 2  # times the band in which the record shows a response
+SHORT = 1.02  # a band that is to be wider by less is wide enough
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 ENOUGH_BINS = 500  # to approach the maximum on
 NEAR_LIMIT = 30  # iterations from there; a few are the rule
@@ -144,27 +145,30 @@ def _thin(run: Run) -> Run:
     return replace(run, data=data, F=F)
 
 
-def _approached(problem: Problem, sparse: list[Run], full: list[Run], theta: Array) -> tuple[Array, int]:
-    """theta after a search on few bins, where that is cheaper, and how many iterations the search on all may then take.
+def _approached(
+    problem: Problem, sparse: list[Run], full: list[Run], theta: Array
+) -> tuple[list[Run], Array, int]:
+    """Runs, theta and a limit of iterations for the search on all bins: after one on few bins, where that is cheaper.
 
-    Raises Diverged where it ends nowhere.
+    Raises Diverged where that one ends nowhere.
     """
     if all(a.F == b.F for a, b in zip(sparse, full)):
-        return theta, LIMIT
-    near = Fit(problem, sparse, _maximise(problem, sparse, theta))
+        return full, theta, LIMIT
+    near = Fit(problem, sparse, _maximise(problem, sparse, theta, NEAR_LIMIT))
     if not is_sound(near):
         raise Diverged("the search on few bins did not end in a plant that can exist")
-    return near.maximum.theta, NEAR_LIMIT
+    return _widened(full, full, near.maximum), near.maximum.theta, NEAR_LIMIT
 
 
 def unexplained(fit: Fit) -> float:
     """Residual power in the band over the noise above it, over what chance allows; below 1 is well."""
     worst = 0.0
     for run, fitted in zip(fit.runs, fit.maximum.point.runs):
-        above = power_above(run.data, max(run.F, len(run.data.omega) // 4))
+        edge = max(run.F, len(run.data.omega) // 4)
+        above = power_above(run.data, edge)
         if above is not None and np.all(above > 0):
             ratio = float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max())
-            worst = max(worst, ratio / (1 + 5 / np.sqrt(run.F)))
+            worst = max(worst, ratio / (1 + 5 * np.sqrt(1 / run.F + 1 / (len(run.data.omega) - edge))))
     return worst
 
 
@@ -201,19 +205,22 @@ def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
     return Run(data, problem.maps, band_edge(data), "full" if problem.noise == "full" else "diagonal")
 
 
-def _settled(problem: Problem, runs: list[Run], theta: Array, limit: int) -> Fit:
+def _settled(problem: Problem, shown: list[Run], runs: list[Run], theta: Array, limit: int) -> Fit:
     """The maximum near theta, on a band widened to hold its modes, up to twice what the record shows."""
-    shown = [run.F for run in runs]
     for _ in range(3):
         fit = Fit(problem, runs, _maximise(problem, runs, theta, limit))
-        wider = [
-            replace(run, F=max(run.F, min(_needed(run, fit.maximum), WIDEST * F)))
-            for run, F in zip(runs, shown)
-        ]
-        if not is_sound(fit) or all(a.F == b.F for a, b in zip(runs, wider)):
+        wider = _widened(runs, shown, fit.maximum)
+        if not is_sound(fit) or all(b.F < SHORT * a.F for a, b in zip(runs, wider)):
             break
         runs, theta = wider, fit.maximum.theta
     return fit
+
+
+def _widened(runs: list[Run], shown: list[Run], maximum: Maximum) -> list[Run]:
+    return [
+        replace(run, F=max(run.F, min(_needed(run, maximum), WIDEST * limit.F)))
+        for run, limit in zip(runs, shown)
+    ]
 
 
 def _needed(run: Run, maximum: Maximum) -> int:

@@ -76,6 +76,12 @@ def observations(weight: Array) -> int:
     return 2 * len(weight) - int(single)
 
 
+def some_bins(data: Spectra, part: slice) -> Spectra:
+    """The same record, some of its bins."""
+    parts = {name: getattr(data, name)[part] for name in ("omega", "weight", "U", "Y")}
+    return replace(data, **parts, drive=None if data.drive is None else data.drive[:, part])
+
+
 def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
     """Every so many-th of the first F bins, about `bins` of them: enough to start from, at a fraction of the cost.
 
@@ -84,9 +90,8 @@ def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
     stride = F // bins
     if stride < 2 or data.mask is not None or (data.drive is None and data.period != data.N):
         return data, F
-    parts = {name: getattr(data, name)[:F:stride] for name in ("omega", "weight", "U", "Y")}
-    drive = None if data.drive is None else data.drive[:, :F:stride]
-    return replace(data, **parts, drive=drive), len(parts["omega"])
+    sparse = some_bins(data, slice(0, F, stride))
+    return sparse, len(sparse.omega)
 
 
 def noise_floor(Y: Complex) -> Array:

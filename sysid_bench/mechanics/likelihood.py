@@ -8,13 +8,15 @@ the response only, the gradient the neighbouring ones too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import reduce
+from operator import add
 
 import numpy as np
 from scipy.fft import irfft, rfft
 
 from sysid_bench.mechanics import normal_equations as ne
-from sysid_bench.mechanics.in_band import Spectra, observations
+from sysid_bench.mechanics.in_band import Spectra, observations, some_bins
 from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
 from sysid_bench.mechanics.response import (
     Maps,
@@ -30,6 +32,7 @@ from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.nouns import Array, Complex, Diverged
 
 IMAGES = (0, -1, 1)
+BLOCK = 512  # bins whose sensitivities are formed at a time: they stay in the cache
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
 LIMIT = 120
 FAILURES = 9
@@ -136,34 +139,54 @@ def information_and_gradient(point: Point, runs: Sequence[Run]) -> tuple[Array, 
     return sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
 
 
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Over some bins: information H (ntheta, ntheta), gradient g (ntheta,), and what the free motion takes of them:
+    X (ntheta, 2n) across, A (2n, 2n) its own, slope (2n,)."""
+
+    H: Array
+    g: Array
+    X: Array
+    A: Array
+    slope: Array
+
+    def __add__(self, other: _Sums) -> _Sums:
+        return _Sums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+    def without_free_motion(self) -> tuple[Array, Array]:
+        """H and g with the free motion eliminated, its main image too: what cannot be told stays exactly blind."""
+        d = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
+        scaled, right = self.A / np.outer(d, d), np.column_stack([self.X.T, self.slope]) / d[:, None]
+        half = np.linalg.lstsq(scaled, right, rcond=1e-13)[0]
+        return self.H - (self.X / d) @ half[:, :-1], self.g - (self.X / d) @ half[:, -1]
+
+
 def _normal(modes: Modes, run: Run, fit: Fitted) -> tuple[Array, Array]:
-    main, *folds = (image(modes, run.maps, run.data, run.F, m, fit.start) for m in _images(run.data))
-    G = transfer(modes, run.maps, main)
-    GW = np.conj(np.swapaxes(weigh(fit.W, G), 1, 2))  # G^H W: W is real and symmetric
+    sums = (_summed(modes, run, fit, slice(k, k + BLOCK)) for k in range(0, run.F, BLOCK))
+    return reduce(add, sums).without_free_motion()
+
+
+def _summed(modes: Modes, run: Run, fit: Fitted, bins: slice) -> _Sums:
+    data, R, maps = some_bins(run.data, slice(bins.start, min(bins.stop, run.F))), fit.R[bins], run.maps
+    W = fit.W[bins] if len(fit.W) == run.F > 1 else fit.W
+    main, *folds = (image(modes, maps, data, len(R), m, fit.start) for m in _images(data))
+    G, c, seen = transfer(modes, maps, main), output_modes(modes, maps), maps.C @ modes.shape
+    GW = np.conj(np.swapaxes(weigh(W, G), 1, 2))  # G^H W: W is real and symmetric
     Omega = np.conj(main.q)[:, :, None] * main.q[:, None, :]
-    H = ne.information(GW @ G, Omega, main.s.imag)
-    WR = weigh(fit.W, fit.R)
-    g = ne.gradient(main.s, (GW @ fit.R[:, :, None])[:, :, 0], main.q)
+    WR = weigh(W, R)
+    g = ne.gradient(main.s, (GW @ R[:, :, None])[:, :, 0], main.q)
     for fold in folds:
-        back = ((WR @ np.conj(run.maps.C @ modes.shape)) * np.conj(fold.pole_gain)) @ np.conj(modes.left)
+        back = ((WR @ np.conj(seen)) * np.conj(fold.pole_gain)) @ np.conj(modes.left)
         g = g + ne.gradient(fold.s, back, fold.q)
-    return _without_transient(modes, run, fit, main, GW, H, g)
+    free = main.pole_gain * (data.weight[:, None] / data.h)
+    X = ne.cross(main.s, main.q, (GW @ seen) * free[:, None, :]) @ modes.inverse
+    A = np.conj(modes.inverse).T @ modal_gram(free, seen, W) @ modes.inverse
+    slope = modes.inverse.T @ (fit.free[bins] * (np.conj(WR) @ c)).sum(axis=0)
+    return _Sums(ne.information(GW @ G, Omega, main.s.imag), g, X.real, A.real, slope.real)
 
 
 def _images(data: Spectra) -> tuple[int, ...]:
     return IMAGES[:1] if data.hold == "bandlimited" else IMAGES
-
-
-def _without_transient(modes, run, fit, main, GW, H, g) -> tuple[Array, Array]:
-    """H and g with the free motion eliminated, its main image too: what cannot be told stays exactly blind."""
-    c, seen = output_modes(modes, run.maps), run.maps.C @ modes.shape
-    free = main.pole_gain * (run.data.weight[: run.F, None] / run.data.h)
-    X = (ne.cross(main.s, main.q, (GW @ seen) * free[:, None, :]) @ modes.inverse).real
-    A = (np.conj(modes.inverse).T @ modal_gram(free, seen, fit.W) @ modes.inverse).real
-    slope = (modes.inverse.T @ (fit.free * (np.conj(weigh(fit.W, fit.R)) @ c)).sum(axis=0)).real
-    d = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    half = np.linalg.lstsq(A / np.outer(d, d), np.column_stack([X.T / d[:, None], slope / d]), rcond=1e-13)[0]
-    return H - (X / d) @ half[:, :-1], g - (X / d) @ half[:, -1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from sysid_bench.nouns import Array, Diverged, NotApplicable
 STEPS = 3
 LIFTS = (0.1, 0.2, 0.3, 0.05)  # of the largest eigenvalue: where a search among positive matrices starts
 SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
+GROWTH = 0.01  # of a mode, relative to its frequency: an instrumental step that ends there has run away
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
 
 
@@ -60,16 +61,17 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
 
 
 def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
-    """theta (ntheta,) after instrumental-variable steps, as long as the likelihood gains from them; all entries free only."""
+    """theta (ntheta,) after instrumental-variable steps, as long as the likelihood gains from them and no mode grows; all
+    entries free only."""
     if len(runs) > 1 or not free.all():
         return theta
-    run, cost = runs[0], _cost(theta, runs)
+    run, cost = runs[0], _cost(theta, runs, np.inf)
     for _ in range(STEPS):
         try:
             trial = refine(run.data, run.maps, run.F, theta, steps=1)[0]
         except Diverged:
             return theta
-        trial_cost = _cost(trial, runs)
+        trial_cost = _cost(trial, runs, GROWTH)
         if not trial_cost < cost:
             return theta
         gain, theta, cost = cost - trial_cost, trial, trial_cost
@@ -91,8 +93,11 @@ def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift:
     return maximise(runs, factor(lifted, n), definite_parameters(n)).theta
 
 
-def _cost(theta: Array, runs: list[Run]) -> float:
+def _cost(theta: Array, runs: list[Run], growth: float) -> float:
+    """Infinite where theta cannot be simulated or a mode grows faster than `growth`, relative to its frequency."""
     try:
-        return evaluate(theta, runs).cost
+        point = evaluate(theta, runs)
     except Diverged:
         return np.inf
+    poles = point.modes.poles
+    return point.cost if np.all(poles.real <= growth * np.abs(poles)) else np.inf
