@@ -7,7 +7,7 @@ RESULTS ?= results
 SCALE  ?= normal
 JOBS   ?= 2
 PAPERS := $(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/kapucu_baysec_1997/*.yaml experiments/bruschetta_2011/*.yaml)))
-BOUND := $(filter-out at_the_bound/leaderboard,$(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/at_the_bound/*.yaml)))) peers/peers
+BOUND := $(filter-out at_the_bound/leaderboard,$(patsubst experiments/%.yaml,%,$(sort $(wildcard experiments/at_the_bound/*.yaml experiments/peers/*.yaml))))
 
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1

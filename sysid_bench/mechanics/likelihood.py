@@ -182,7 +182,8 @@ def _summed(modes: Modes, run: Run, fit: Fitted, bins: slice) -> _Sums:
     X = ne.cross(main.s, main.q, (GW @ seen) * free[:, None, :]) @ modes.inverse
     A = np.conj(modes.inverse).T @ modal_gram(free, seen, W) @ modes.inverse
     slope = modes.inverse.T @ (fit.free[bins] * (np.conj(WR) @ c)).sum(axis=0)
-    return _Sums(ne.information(GW @ G, Omega, main.s.imag), g, X.real, A.real, slope.real)
+    H = ne.information(GW @ G, Omega, main.s.imag)
+    return _Sums(H, g, np.real(X), np.real(A), np.real(slope))
 
 
 def _images(data: Spectra) -> tuple[int, ...]:

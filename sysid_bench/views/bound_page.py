@@ -24,6 +24,7 @@ STUDIES = (
     "at_the_bound/order_selection",
     "at_the_bound/tustin",
     "peers/peers",
+    "peers/slow_peers",
 )
 FIRST = {
     "plant": "plant", "excitation": "force", "noise": "noise", "sampling.h_s": "h, s", "noise.snr_db": "dB", "method": "method",
