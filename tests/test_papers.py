@@ -22,6 +22,7 @@ from sysid_bench.papers.evidence import PAPERS as STUDIES
 from sysid_bench.papers.evidence import Table, Tables, command
 from sysid_bench.papers.page import PAPERS, fall
 from sysid_bench.papers.page import studies as judged_studies
+from sysid_bench.views.papers_page import write_papers_page
 
 ROOT = Path(__file__).resolve().parents[1]
 CLAIMS = [claim for claims, _ in PAPERS.values() for claim in claims]
@@ -256,3 +257,9 @@ def test_the_committed_page_speaks_of_every_claim_and_misprint():
     text = (ROOT / "docs" / "papers.md").read_text()
     assert all(claim.text in text and f"*({claim.where})*" in text for claim in CLAIMS)
     assert text.count("\n| ") >= len(MISPRINTS)
+
+
+def test_the_page_beside_the_reports_links_every_claim_to_its_report(tmp_path):
+    page = write_papers_page(tmp_path, (ROOT / "docs" / "papers.md").read_text()).read_text()
+    assert all(f'/{study}/report.html">' in page for study in judged_studies())
+    assert page.count("<li>\n<p><strong>") == len(CLAIMS) and "<table>" in page

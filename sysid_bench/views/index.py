@@ -18,7 +18,10 @@ def write_index_page(results_dir: Path) -> Path:
     groups: dict[str, list[Mapping[str, str]]] = {}
     for study in studies:
         groups.setdefault(experiment(study).rpartition("/")[0], []).append(_card(study, results_dir))
-    page = render("index.html", groups=groups, count=len(studies), rows=sum(s.rows for s in studies))
+    page = render(
+        "index.html", groups=groups, count=len(studies), rows=sum(s.rows for s in studies),
+        papers=(results_dir / "papers.html").is_file(),
+    )  # fmt: skip
     return write_page(results_dir / "index.html", page)
 
 
