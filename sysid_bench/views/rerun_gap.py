@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.workflow import Answer
-from sysid_bench.views.gap_report import WORDS, budget, found_forces, place_words, suspects, unexplained
+from sysid_bench.views.gap_clouds import found_forces, unexplained
+from sysid_bench.views.gap_words import WORDS, budget, place_words, suspects, unit_of
 from sysid_bench.views.rerun_record import log_markdown, log_series, panels, recording, signal_view, x_range
 
 IN_SIGHT, CLOUD, BANDS = 600, 3000, 60
@@ -24,12 +25,14 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
     t = after.trace.t
     axis = x_range(float(t[0]), float(t[min(len(t), IN_SIGHT) - 1]), "seconds")
     views = [
-        signal_view(f"output/{c + 1}", f"y{c + 1}: measured, given and better model", axis)
+        signal_view(
+            f"output/{c + 1}", f"y{c + 1} ({unit_of(answer, c)}): measured, given and better model", axis
+        )
         for c in range(after.trace.y.shape[1])
     ]
     force = found_forces(answer)
     if force:
-        views.append(signal_view("force", "unexplained force and the effect", axis))
+        views.append(signal_view("force", "unexplained force and the effect (N)", axis))
     plots = rrb.Grid(*views, grid_columns=1 if len(views) <= 4 else 2)
     side: list[rrb.View] = [rrb.TextDocumentView(origin="about", name="verdict")]
     side += [rrb.BarChartView(origin="spectrum", name="residual by frequency, dB over the floor, Hz")]
@@ -120,7 +123,7 @@ def words_of(values: Mapping[str, Any]) -> str:
     lines += [f"| {name} | {value:.3g} |" for name, value in budget(values)]
     ranked = suspects(values)[:8]
     if ranked:
-        lines += ["", "| look | suspect | explains | left after its fit |", "|-|-|-|-|"]
+        lines += ["", "| look | suspect | explains | left, over the floor (rms) |", "|-|-|-|-|"]
         lines += ["| " + " | ".join(row) + " |" for row in ranked]
     power = sorted(values["power"].items())
     if power:

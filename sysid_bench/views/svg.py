@@ -11,6 +11,7 @@ from sysid_bench.nouns import Array
 from sysid_bench.views.style import COLOURS
 
 WIDTH, HEIGHT, LEFT, BOTTOM, TOP, RIGHT = 640, 230, 66, 38, 12, 12
+DASHES = {1: ' stroke-dasharray="6 2.5"'}  # orange and blue are one grey in print
 
 
 def ticks(low: float, high: float, count: int = 5) -> Array:
@@ -18,7 +19,7 @@ def ticks(low: float, high: float, count: int = 5) -> Array:
     span = max(high - low, 1e-300)
     step = 10.0 ** np.floor(np.log10(span / count))
     step *= min((1, 2, 5, 10), key=lambda k: abs(span / (k * step) - count))
-    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step + 0.0  # no -0
 
 
 class Axes:
@@ -49,7 +50,7 @@ class Axes:
             )
         for value in ticks(*self.y, count=4):
             at = float(self.py(value))
-            text = f"{10**value:.2g}" if self.log else f"{value:.3g}"
+            text = f"{10**value:.3g}" if self.log else f"{value:.3g}"
             self.parts.append(f'<path class="grid" d="M{LEFT} {at:.1f}H{WIDTH - RIGHT}"/>')
             self.parts.append(f'<text x="{LEFT - 6}" y="{at + 4:.1f}" text-anchor="end">{text}</text>')
         middle = (HEIGHT - BOTTOM + TOP) / 2
@@ -65,7 +66,7 @@ class Axes:
             f"{a:.1f},{b:.1f}" for a, b in zip(self.px(x), np.clip(self.py(y), -50, HEIGHT + 50))
         )
         self.parts.append(
-            f'<polyline clip-path="url(#frame)" points="{points}" fill="none" stroke="{COLOURS[colour]}" stroke-width="{width}"/>'
+            f'<polyline clip-path="url(#frame)" points="{points}" fill="none" stroke="{COLOURS[colour]}" stroke-width="{width}"{DASHES.get(colour, "")}/>'
         )
 
     def dots(self, x: Array, y: Array, colour: int, size: float = 1.4) -> None:
@@ -80,7 +81,10 @@ class Axes:
             f'<rect x="{LEFT + 2}" y="{TOP}" width="{width:.0f}" height="19" fill="#fff" opacity=".85"/>'
         )
         for name, colour in names:
-            self.parts.append(f'<path d="M{at} {TOP + 9}h16" stroke="{COLOURS[colour]}" stroke-width="2.5"/>')
+            dash = DASHES.get(colour, "")
+            self.parts.append(
+                f'<path d="M{at} {TOP + 9}h17" stroke="{COLOURS[colour]}" stroke-width="2.5"{dash}/>'
+            )
             self.parts.append(f'<text x="{at + 21}" y="{TOP + 13}">{escape(name)}</text>')
             at += 34 + 6.6 * len(name)
 
@@ -117,7 +121,7 @@ def bars(rows: Sequence[tuple[str, float]], unit: str) -> str:
 
 
 def field(x: Array, y: Array, size: Array, x_label: str, y_label: str, cells: int = 28) -> str:
-    """Mean of `size` over cells of the (x, y) plane: blue where negative, orange where positive, strong where large."""
+    """Mean of `size` over cells of the (x, y) plane: orange where positive, blue with a dash where negative, strong where large."""
     axes = Axes((float(x.min()), float(x.max())), (float(y.min()), float(y.max())), x_label, y_label)
     i = np.clip(((x - x.min()) / max(np.ptp(x), 1e-300) * cells).astype(int), 0, cells - 1)
     j = np.clip(((y - y.min()) / max(np.ptp(y), 1e-300) * cells).astype(int), 0, cells - 1)
@@ -133,4 +137,7 @@ def field(x: Array, y: Array, size: Array, x_label: str, y_label: str, cells: in
             f'<rect x="{LEFT + a * wide:.1f}" y="{HEIGHT - BOTTOM - (b + 1) * tall:.1f}" width="{wide:.2f}" '
             f'height="{tall:.2f}" fill="{COLOURS[int(mean[a, b] > 0)]}" opacity="{shade:.2f}"/>'
         )
+        if mean[a, b] < 0:
+            x0, y0 = LEFT + (a + 0.3) * wide, HEIGHT - BOTTOM - (b + 0.5) * tall
+            axes.parts.append(f'<path d="M{x0:.1f} {y0:.1f}h{0.4 * wide:.1f}" stroke="#fff"/>')
     return axes.text()

@@ -1,0 +1,141 @@
+"""answer of the gap workflow -> the figures of its page, as SVG text."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sysid_bench.gap.workflow import Answer
+from sysid_bench.nouns import Array
+from sysid_bench.views.gap_clouds import Figure, clouds, inner
+from sysid_bench.views.gap_words import budget, held_out, unit_of
+from sysid_bench.views.svg import Axes, bars
+
+IN_SIGHT, CHANNELS = 500, 3
+
+
+def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]:
+    """Error budget, held-out error, then the force (where it is judged) or the motion, then the unexplained force."""
+    steps = "What is left over the noise floor (rms), step by step, on the training records."
+    if not answer.judged:
+        steps += " The line at the top counts energy, its square."
+    error = "Error of the force" if answer.judged else "Free-run error"
+    proof = f"{error} on the test records, which chose nothing, in per cent of the measured rms."
+    shown = [
+        (bars(budget(values), "x floor"), "error budget", steps),
+        (bars(held_out(values), "%"), "held-out error", proof),
+        *(_forces(answer) if answer.judged else _motions(answer)),
+        *clouds(answer),
+    ]
+    return [
+        {"data": f"data:image/svg+xml;base64,{base64.b64encode(svg.encode()).decode()}", "width": "760",
+         "alt": alt, "caption": caption}
+        for svg, alt, caption in shown
+    ]  # fmt: skip
+
+
+def _motions(answer: Answer) -> list[Figure]:
+    channels = range(min(answer.after[0].trace.y.shape[1], CHANNELS))
+    here = "on the first test record"
+    return [
+        *((_output(answer, c), f"output {c + 1}", f"Output {c + 1} {here}, where the given model is worst.") for c in channels),
+        (_spectrum(answer), "residual spectrum", f"Residual {here}, all channels, by frequency."),
+        (_over_time(answer), "residual over time", f"Residual {here}, rms of all channels in a hundred parts, over the noise floor."),
+    ]  # fmt: skip
+
+
+def _over_time(answer: Answer) -> str:
+    lines, parts = [], 100
+    for proof in (answer.before[0], answer.after[0]):
+        r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
+        lines.append([np.sqrt(np.mean(part**2)) for part in np.array_split(r, parts)])
+    first, last = answer.after[0].trace.t[[0, -1]]
+    t = np.linspace(first, last, parts)
+    shown = [np.log10(np.maximum(line, 1e-3)) for line in lines]
+    top = max(float(line.max()) for line in shown)
+    axes = Axes((float(t[0]), float(t[-1])), (-0.5, top + 0.3), "t (s)", "rms over floor", log=True)
+    for line, colour in zip(shown, (1, 0)):
+        axes.line(t, line, colour)
+    axes.line(t[[0, -1]], np.zeros(2), 7, 1.0)
+    axes.legend([("given model", 1), ("better model", 0), ("noise floor", 7)])
+    return axes.text()
+
+
+def _worst(error: Array) -> slice:
+    """The stretch of IN_SIGHT samples where the error has most energy."""
+    if len(error) <= IN_SIGHT:
+        return slice(0, len(error))
+    first = int(np.argmax(np.convolve(error**2, np.ones(IN_SIGHT), "valid")))
+    return slice(first, first + IN_SIGHT)
+
+
+def _draw(axes: Axes, t: Array, lines: Sequence[Array], names: Sequence[str]) -> None:
+    """The given model dashed, the better one, and what was measured thin on top."""
+    for values, colour, width in zip(lines, (1, 0, 7), (1.4, 1.6, 0.8)):
+        axes.line(t, values, colour, width)
+    axes.legend(list(zip(names, (1, 0, 7))))
+
+
+def _output(answer: Answer, c: int) -> str:
+    before, after = answer.before[0], answer.after[0]
+    y = after.trace.y[:, c]
+    part = _worst(np.nan_to_num(y - before.predicted[:, c]))
+    t = after.trace.t[part]
+    low, high = float(np.nanmin(y[part])), float(np.nanmax(y[part]))
+    room = (low - 0.3 * (high - low), high + 0.4 * (high - low))
+    axes = Axes((float(t[0]), float(t[-1])), room, "t (s)", f"y{c + 1} ({unit_of(answer, c)})")
+    lines = [before.predicted[part, c], after.predicted[part, c], y[part]]
+    _draw(axes, t, lines, ("given model", "better model", "measured"))
+    return axes.text()
+
+
+def _forces(answer: Answer) -> list[Figure]:
+    """Given and needed force on the first test record, where the refitted linear model is worst."""
+    if answer.judged is None:
+        return []
+    refitted, better = answer.judged["refitted"][0], answer.judged["better"][0]
+    return [_force(refitted, better, i) for i in range(min(better.given.shape[1], CHANNELS))]
+
+
+def _force(refitted: Any, better: Any, i: int) -> Figure:
+    part = _worst((refitted.given - refitted.needed)[:, i])
+    lines = [refitted.needed[part, i], better.needed[part, i], better.given[part, i]]
+    low, high = inner(*lines)
+    t = better.t[part]
+    axes = Axes((float(t[0]), float(t[-1])), (1.3 * low, high), "t (s)", "force (N)")
+    _draw(axes, t, lines, ("needed, linear", "needed, better model", "given"))
+    caption = (
+        f"Force at DOF {i} on the first test record, in the band: what was given and what the motion needs."
+    )
+    return axes.text(), f"force {i + 1}", caption
+
+
+def _spectrum(answer: Answer) -> str:
+    lines, names = [], (("given model", 1), ("better model", 0))
+    for proof in (answer.before[0], answer.after[0]):
+        r = proof.trace.filled(proof.trace.y - proof.predicted)
+        power = np.mean(np.abs(np.fft.rfft(r, axis=0)) ** 2, axis=1) / len(r)
+        f = np.fft.rfftfreq(len(r), proof.trace.h)
+        fold = max(1, len(f) // 400)
+        keep = len(f) // fold * fold
+        lines.append(
+            (f[:keep].reshape(-1, fold).mean(1), np.log10(power[:keep].reshape(-1, fold).mean(1) + 1e-300))
+        )
+    top = answer.problem.traces[0].omega[-1] / np.pi
+    shown = [(f[f < top], p[f < top]) for f, p in lines]
+    floor = float(np.log10(np.mean(answer.noise)))
+    axes = Axes(
+        (0.0, float(top)),
+        (floor - 0.7, max(float(p.max()) for _, p in shown) + 0.6),
+        "frequency (Hz)",
+        f"power ({unit_of(answer, 0)}²)",
+        log=True,
+    )
+    for (f, p), (_, colour) in zip(shown, names):
+        axes.line(f, p, colour)
+    axes.line(np.array([0.0, top]), np.array([floor, floor]), 7, 1.0)
+    axes.legend([*names, ("noise floor", 7)])
+    return axes.text()
