@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -71,8 +72,10 @@ def of_verb(verb: str, words: Sequence[str]) -> str:
             raise InputError(f"{group}={name}: no such option. {group} has: {', '.join(options[group])}.")
     if asked:
         return "\n\n".join(_in_full(group, name, plugins) for group, name in asked.items())
-    own = (conf.home().conf / f"{verb}.yaml").read_text().rstrip()
-    return "\n".join([own, *_options(verb, defaults, options, plugins)])
+    own = (conf.home().conf / f"{verb}.yaml").read_text().rstrip().splitlines()
+    head = [*_column("#", 2, own[0][2:], hang=2), *_column("#", 2, own[1][2:], " \\", 6)]
+    body = [part for line in own[2:] for part in _fitted(line)]
+    return "\n".join([*head, *body, *_options(verb, defaults, options, plugins)])
 
 
 def _in_full(group: str, name: str, plugins: conf.Plugins) -> str:
@@ -80,8 +83,24 @@ def _in_full(group: str, name: str, plugins: conf.Plugins) -> str:
     found = read_text(f"{group}/{name}.yaml", plugins).rstrip().splitlines()
     shown = [line for line in found if not line.startswith("_target_")]
     return "\n".join(
-        [f"{group}={name}, its knobs as {group}.KNOB=VALUE:", "", *(f"  {line}" for line in shown)]
+        [
+            f"{group}={name}, its knobs as {group}.KNOB=VALUE:",
+            "",
+            *(part for line in shown for part in _fitted(f"  {line}")),
+        ]
     )
+
+
+def _fitted(line: str) -> list[str]:
+    """A line of a yaml; a comment that does not fit goes on below itself."""
+    found = re.match(r"(\s*|.*\S\s+)# (.*)", line)
+    if len(line) <= _width() or found is None:
+        return [line]
+    at = min(len(found[1]), _width() - 30)
+    above = [] if at == len(found[1]) else [found[1].rstrip()]
+    first, *rest = textwrap.wrap(found[2], _width() - at - 2, break_on_hyphens=False)
+    start = " " * at if above else found[1]
+    return [*above, f"{start}# {first}", *(f"{'':{at}}# {part}" for part in rest)]
 
 
 def _options(

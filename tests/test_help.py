@@ -21,9 +21,17 @@ def test_the_menu_fits_and_its_examples_are_whole(width: int, monkeypatch: pytes
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-def test_lists_of_options_fit(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_help_of_every_verb_fits(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", str(width))
     for verb in conf.verbs():
-        text = help.of_verb(verb, [])
-        listed = text.partition("\noptions:\n")[2].splitlines()
-        assert max(map(len, listed), default=0) <= width, verb
+        lines = help.of_verb(verb, []).splitlines()
+        assert max(map(len, lines)) <= width, verb
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_the_knobs_of_every_option_fit(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    for group in ("plant", "excitation", "noise", "method", "executor"):
+        for name in conf.groups()[group]:
+            lines = help.of_verb("sweep", [f"{group}={name}"]).splitlines()
+            assert max(map(len, lines)) <= width, (group, name)
