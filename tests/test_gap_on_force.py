@@ -91,13 +91,14 @@ def test_lost_samples_are_left_out(machine):
     assert answer.force_gaps["better"] < 0.25 * answer.force_gaps["refitted"]
 
 
-def coupled(rng, N=6000, friction=3.0):
+def coupled(rng, N=6000, friction=3.0, slack=0.0):
     """Record of two masses on a spring, both seen and free to drift; the first is driven, the second rubs."""
     u, y = np.repeat(rng.standard_normal(N // 30), 30) * 12, np.zeros((N, 2))
     x, v = np.zeros(2), np.zeros(2)
 
     def acceleration(force):
-        link = 900.0 * (x[0] - x[1]) + 2.0 * (v[0] - v[1])
+        apart = x[0] - x[1]
+        link = 900.0 * (apart - min(max(apart, -slack), slack)) + 2.0 * (v[0] - v[1])
         rub = friction * min(max(v[1] / 1e-3, -1), 1)
         return np.array([force - link - 3.0 * v[0], link - rub - 3.0 * v[1]]) / np.array([2.0, 1.0])
 
@@ -110,16 +111,25 @@ def coupled(rng, N=6000, friction=3.0):
     return Record(H * np.arange(N), u[:, None], y, hold="zoh")
 
 
+CHAIN = Model(
+    [[2.0, 0], [0, 1.0]], [[5.0, -2.0], [-2.0, 5.0]], [[900.0, -900.0], [-900.0, 900.0]],
+    input_map=[[1.0], [0.0]], hold="zoh",
+)  # fmt: skip
+
+
 def test_friction_of_two_free_masses_is_placed():
     rng = np.random.default_rng(2)
-    records = [coupled(rng), coupled(rng)]
-    model = Model(
-        [[2.0, 0], [0, 1.0]], [[5.0, -2.0], [-2.0, 5.0]], [[900.0, -900.0], [-900.0, 900.0]],
-        input_map=[[1.0], [0.0]], hold="zoh",
-    )  # fmt: skip
-    answer = find_gap(records[:1], records[1:], model, power=False)
+    answer = find_gap([coupled(rng)], [coupled(rng)], CHAIN, power=False)
     assert [(e.name, e.dof) for e in answer.added] == [("coulomb_friction", 1)]
     assert answer.added[0].force == pytest.approx(3.0, rel=0.05)
+
+
+def test_slack_between_two_free_masses_is_no_stop():
+    """The same force but for a spring: the one that leaves the spring as it was believed to be is named."""
+    rng = np.random.default_rng(3)
+    answer = find_gap(*([coupled(rng, friction=0.0, slack=0.002)] for _ in range(2)), CHAIN, power=False)
+    assert [(e.name, e.dof) for e in answer.added] == [("dead_zone", (0, 1))]
+    assert answer.added[0].gap == pytest.approx(0.002, rel=0.02)
 
 
 def two_masses(rng, N=4000, m=(2.0, 0.6), d=1.5, hertz=6.0):

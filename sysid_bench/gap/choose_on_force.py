@@ -22,6 +22,7 @@ from sysid_bench.gap.problem import Point
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
 
+CLOSE = 20.0  # of the price: explanations that differ by less are as good
 MOST_DAMPED = 0.7  # damping ratio from which a hidden mass is no mode
 
 
@@ -66,6 +67,11 @@ def _rank(one: Fit, effect: Effect) -> tuple:
     return effect.name in DECOY_NAMES, shape_count(one.point.effects), effect.name == "actuator_lag"
 
 
+def _moves(one: Fit) -> int:
+    """How far M, D, K had to go, in steps that matter: all that tells a dead zone from a stop, or a spring from its lack."""
+    return int(9 * one.moved / CLOSE)  # as in the price of a fit by free-run simulation
+
+
 def look(problem: ForceProblem, base: Fit, catalogue, rules: Rules) -> Round:
     """One screen and its finalists."""
     screened = screen_on_force(problem, base, catalogue)
@@ -93,7 +99,7 @@ def _simplest(problem: ForceProblem, contenders: list[Contender], rules: Rules) 
     losses = [block_losses(problem, c.fit) for c in contenders]
     best = contenders[int(np.argmin([x.sum() for x in losses]))]
     related = [subset(c.effect, best.effect) for c in contenders]
-    ranks = [_rank(c.fit, c.effect) for c in contenders]
+    ranks = [(*_rank(c.fit, c.effect), _moves(c.fit)) for c in contenders]
     force = force_of(problem, best.fit)
     return contenders[simplest(losses, ranks, related, (rules.second_share, rules.practical), force)]
 
