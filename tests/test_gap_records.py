@@ -108,6 +108,16 @@ def test_velocity_and_acceleration(tmp_path, output):
     assert named(values) == [("cubic_stiffness", 1)]
 
 
+def test_an_effect_of_the_model_with_a_wrong_size_is_a_wrong_parameter(tmp_path):
+    given = replace(model(), effects=(CubicStiffness(1, 5.0),))
+    values = gap(tmp_path, [recorded(1)], [recorded(2)], given)
+    assert values["verdict"] == "parameters"
+    moved = next(m for m in values["parameters_moved"] if m.get("effect") == "cubic_stiffness")
+    assert (moved["dof"], moved["parameter"], moved["from"]) == (1, "stiffness", 5.0)
+    assert abs(moved["to"] - 8.0) < 4 * moved["std"] < 1.0
+    assert values["gap_after"] < 0.2 * values["gap_before"]
+
+
 def test_forces_on_some_degrees_of_freedom(tmp_path):
     some = {"forces": (2,)}
     values = gap(tmp_path, [recorded(1, 3.0, **some)], [recorded(2, 3.0, **some)], model(**some))

@@ -74,7 +74,8 @@ def decide(
         return Verdict(
             "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"
         )
-    if nominal_rho > thresholds.moved_rho * max(now.rho, 1) and practical_moves(problem, now, thresholds):
+    moved = practical_moves(problem, now, thresholds) or moved_knobs(problem, now, thresholds)
+    if nominal_rho > thresholds.moved_rho * max(now.rho, 1) and moved:
         return Verdict(
             "parameters",
             f"other parameters close the gap from {nominal_rho:.3g} to {now.rho:.3g} times the noise floor",
@@ -131,3 +132,29 @@ def practical_moves(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[
         if abs(fit.point.theta[k]) > size and certain:
             kept.append(k)
     return kept
+
+
+def moved_knobs(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[dict]:
+    """Parameters of the effects that the model had already, where they moved by a practical size and four standard errors."""
+    found = []
+    for k, (e, p) in enumerate(fit.parameters):
+        if e >= len(problem.effects) or fit.covariance is None:
+            continue  # found, not given
+        if (
+            problem.on_force
+            and problem.effects[e].name == "constant_force"
+            and not problem.effects[e].values[p]
+        ):
+            continue  # the offset that every record may have
+        one, now, at = problem.effects[e], fit.point.effects[e], len(problem.entries) + k
+        before, after = float(one.values[p]), float(now.values[p])
+        size = abs(after) if problem.by_log(now, p) else 1.0
+        std = float(np.sqrt(max(fit.covariance[at, at], 0)) * size)
+        if abs(after - before) > max(thresholds.moved[0] * abs(before), 4 * std):
+            found.append({
+                "effect": one.name, "dof": list(one.dof) if isinstance(one.dof, tuple) else one.dof,
+                "parameter": one.numeric[p], "from": before, "to": after, "std": std,
+                "relative": (after - before) / abs(before) if before else None,
+                "significance": abs(after - before) / std if std > 0 else None,
+            })  # fmt: skip
+    return found

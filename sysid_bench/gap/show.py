@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.contend import DECOY_NAMES, Contender
-from sysid_bench.gap.decide import moves, practical_moves
+from sysid_bench.gap.decide import moved_knobs, moves, practical_moves
 from sysid_bench.gap.experiment import Settling
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.reference import flexible_reference
@@ -258,7 +258,8 @@ def moved_values(answer: Answer, thresholds) -> list[dict[str, Any]]:
         return []
     fit = answer.story.fit
     all_moves = moves(answer.problem, fit)
-    return [all_moves[k] for k in practical_moves(answer.problem, fit, thresholds)]
+    entries = [all_moves[k] for k in practical_moves(answer.problem, fit, thresholds)]
+    return entries + moved_knobs(answer.problem, fit, thresholds)
 
 
 def where_values(answer: Answer) -> dict[str, Any]:
