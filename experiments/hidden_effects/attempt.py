@@ -15,7 +15,7 @@ from draw import Draw, Trial
 from sysid_bench.effects import effect_class
 from sysid_bench.gap.contend import best_start
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.problem import Point, Problem
+from sysid_bench.gap.problem import Budget, Point, Problem
 from sysid_bench.gap.prove import prove
 from sysid_bench.gap.show import deviations, rivals
 from sysid_bench.gap.workflow import Answer, find_gap
@@ -104,7 +104,7 @@ def sealed_values(trial: Trial, found: Answer, test: list[Record], ask: bool) ->
             true[2] = true[2] - effect["values"]["stiffness"] * np.outer(c, c)
     oracle = None
     if ask and trial.truth["verdict"] in ("effect", "parameters"):
-        oracle = oracle_gap(found.problem, true, trial.truth["effects"], test)
+        oracle = oracle_gap(replace(found.problem, budget=Budget()), true, trial.truth["effects"], test)
     return {"oracle": oracle, "within": entries_within(found, true)}
 
 

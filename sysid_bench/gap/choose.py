@@ -35,6 +35,7 @@ from sysid_bench.mechanics.effect import Effect
 UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
 BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 PAIRS = 3  # fitted by simulation
+NEAR = 1.5  # times the best pair's rho: other frictions are tried in place of one in such a pair
 FAR = (
     1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
 )
@@ -175,7 +176,8 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
     linear_gap = max(linear.rss - R, 1.0)
     for k in range(rules.most):
         left = story.fit.rho - 1
-        if k > 0 and left < max(rules.enough - 1, NEGLIGIBLE * (linear.rho - 1)):
+        closed = left < max(rules.enough - 1, NEGLIGIBLE * (linear.rho - 1))
+        if k > 0 and (closed or problem.budget.spent):
             break
         if k == 0:
             round_ = first
@@ -210,9 +212,11 @@ def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules
         one = refine(arena, candidate, first.screen.promise(candidate.explained), pair.effects[:1], 15)
         if one is not None:
             contenders.append(one)
-            contenders += kindred(arena, one, set()) if one.fit.rho > 1.02 else []
             if one.fit.rho < rules.enough:
                 break
+    nearest = min((c.fit.rho for c in contenders), default=1.0)
+    for one in [c for c in contenders if 1.02 < c.fit.rho < NEAR * nearest]:
+        contenders += kindred(arena, one, set())
     contenders.sort(key=lambda c: c.cost)
     best = cheapest(contenders, linear_gap, rules.practical)
     if best is None or best.fit.rho > CLEAN:
@@ -224,6 +228,8 @@ def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_ga
     """Name each earlier effect again, given the others."""
     for k in range(len(problem.model.effects), len(now.point.effects) - 1):
         effects = now.point.effects
+        if problem.budget.spent:
+            break
         rest = tuple(x for i, x in enumerate(effects) if i != k)
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
         if without is None or without.rss - now.rss < 25:
@@ -249,7 +255,8 @@ def _pruned(problem: Problem, now: Fit, rules: Rules) -> Fit:
     """Drop effects that the others have made unnecessary."""
     base = len(problem.model.effects)
     for effect in now.point.effects[base:]:
-        if len(now.point.effects) < base + 2 or effect not in now.point.effects:
+        lone = len(now.point.effects) < base + 2
+        if lone or effect not in now.point.effects or problem.budget.spent:
             continue
         rest = tuple(x for x in now.point.effects if x is not effect)
         without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)

@@ -98,6 +98,8 @@ def refine(
 
     promised: rho that the screen expects; extra: effects tried together with the candidate's. None where it fails.
     """
+    if arena.problem.budget.spent:
+        return None
     base = arena.base
     before = (*base.point.effects, *extra)
     choices = [
@@ -157,7 +159,7 @@ def _led(arena: Arena, choices: list[Point], free, iterations: int) -> Fit | Non
 def kindred(arena: Arena, one: Contender, known: set, iterations: int = 10) -> list[Contender]:
     """Other frictions in place of a friction that was fitted, each from the best of a few starts."""
     effect = one.effect
-    if effect.name not in FRICTION:
+    if effect.name not in FRICTION or arena.problem.budget.spent:
         return []
     out, point = [], one.fit.point
     for name, starts in relatives(arena.problem, one.fit, effect).items():

@@ -11,6 +11,10 @@ from sysid_bench.mechanics.effect import Effect
 from sysid_bench.mechanics.trajectory import Trajectory
 from sysid_bench.nouns import Array
 
+TRIES = 6  # damped steps from one place
+FUTILE = 0.3  # of the least gain that goes on: a foretold gain below it is not tried
+WELL_TOLD = 0.75  # of the foretold gain: the slopes then serve one more step
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -57,13 +61,18 @@ class Place:
         """Residual energy and the prior's share."""
         return float(self.rows @ self.rows + weight * np.sum((self.point.theta / self.prior) ** 2))
 
-    def normal_equations(self) -> tuple[Array, Array]:
-        """H, g with H step = g; positive parameters by their logarithm."""
-        nt, point, weight = len(self.prior), self.point, self.weight
+    def slopes(self) -> Array:
+        """J (R, P): d(simulated rows)/d(theta, parameters, starts); positive parameters by their logarithm."""
+        nt, point = len(self.prior), self.point
         J = self.problem.jacobian(point, self.runs, self.parameters)
         for k, (e, p) in enumerate(self.parameters):
             if self.problem.by_log(point.effects[e], p):
                 J[:, nt + k] *= point.effects[e].values[p]
+        return J
+
+    def normal_equations(self, J: Array) -> tuple[Array, Array]:
+        """H, g with H step = g."""
+        nt, point, weight = len(self.prior), self.point, self.weight
         # J is d(simulated)/d(...): the rows are measured minus simulated, so H step = J' rows
         with np.errstate(over="ignore", invalid="ignore"):
             H, g = J.T @ J, J.T @ self.rows
@@ -95,42 +104,64 @@ def fit(
     if found is None:
         return None
     here = Place(problem, tuple(parameters), problem.prior * prior_scale, start, *found)
-    H, damping, steps = None, 1e-4, 0
-    while steps < iterations:
-        steps += 1
-        H, g = here.normal_equations()
+    J, H, damping, steps = None, None, 1e-4, 0
+    while steps < iterations and not problem.budget.spent:
+        again = (
+            J is not None
+        )  # slopes that foretold the last step well serve once more: a run costs less than its slopes
+        if J is None:
+            J, steps = here.slopes(), steps + 1
+        H, g = here.normal_equations(J)
         if not (np.isfinite(H).all() and np.isfinite(g).all()):
             break  # the derivatives of an unstable motion leave every bound
-        better, damping = _better(here, H, g, damping)
-        if better is None:
+        cost = here.cost(here.weight)
+        least = max(tolerance * cost, 0.5)
+        if foretold(H, g, damping) < FUTILE * least:
             break
-        gain = here.cost(here.weight) - better.cost(here.weight)
+        better, damping, told = _better(here, H, g, damping, 1 if again else TRIES)
+        if better is None:
+            if not again:
+                break
+            J = None
+            continue
+        gain = cost - better.cost(here.weight)
+        J = J if not again and gain > WELL_TOLD * told else None
         here, damping = better, max(damping / 10, 1e-8)
-        if gain < max(tolerance * here.cost(here.weight), 0.5):
+        if gain < least and not again:
             break
     moved = float(np.sum((here.point.theta / problem.prior) ** 2))
     covariance = _covariance(H, here.weight)
     return Fit(here.point, here.rows, here.runs, moved, here.parameters, covariance, steps)
 
 
-def _better(here: Place, H: Array, g: Array, damping: float) -> tuple[Place | None, float]:
-    """The first of six damped steps that lowers the cost, None where none does; and the damping then."""
+def foretold(H: Array, g: Array, damping: float) -> float:
+    """By how much the slopes say that a damped step lowers the cost; endless where they cannot say."""
+    step = _step(H, g, damping)
+    return float(2 * g @ step - step @ H @ step) if np.isfinite(step).all() else np.inf
+
+
+def _step(H: Array, g: Array, damping: float) -> Array:
+    size = np.diag(H) + 1e-12 * np.max(np.diag(H)) + 1e-300
+    try:
+        return np.linalg.solve(H + damping * np.diag(size), g)
+    except np.linalg.LinAlgError:
+        return np.full(len(g), np.nan)
+
+
+def _better(here: Place, H: Array, g: Array, damping: float, tries: int) -> tuple[Place | None, float, float]:
+    """The first of some damped steps that lowers the cost, None where none does; the damping then, the gain foretold."""
     weight = here.weight
     cost = here.cost(weight)
-    size = np.diag(H) + 1e-12 * np.max(np.diag(H)) + 1e-300
-    for _ in range(6):
-        try:
-            step = np.linalg.solve(H + damping * np.diag(size), g)
-        except np.linalg.LinAlgError:
-            step = np.full(len(g), np.nan)
+    for _ in range(tries):
+        step = _step(H, g, damping)
         if not np.isfinite(step).all():
             damping *= 10
             continue
         trial = here.after(step)
         if trial is not None and trial.cost(weight) < cost:
-            return trial, damping
+            return trial, damping, float(2 * g @ step - step @ H @ step)
         damping = max(10 * damping, 1e-3)
-    return None, damping
+    return None, damping, 0.0
 
 
 def _covariance(H: Array | None, weight: float) -> Array | None:

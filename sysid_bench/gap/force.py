@@ -58,7 +58,7 @@ def on_force(problem: Problem, lattice: Array) -> tuple[ForceProblem, str]:
     end = max(band_on_force(problem.model, trace, lattice) for trace in shortened)
     traces = tuple(force_banded(trace, end) for trace in shortened)
     motions = tuple(measured_motion(trace) for trace in traces)
-    bare = ForceProblem(problem.model, traces, problem.entries, problem.scale, motions)
+    bare = ForceProblem(problem.model, traces, problem.entries, problem.scale, motions=motions)
     variances = [white_floor(t, _between_ends(t.y), lattice) for t in shortened]
     sigma, how = force_floor(bare, variances)
     traces = tuple(replace(t, weight=t.weight / sigma, variance=v) for t, v in zip(traces, variances))

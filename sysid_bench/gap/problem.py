@@ -29,6 +29,35 @@ class Point:
     starts: tuple[Array, ...]
 
 
+@dataclass(eq=False)
+class Budget:
+    """How much a search may simulate, in microseconds of one core as they are counted here: the same on every machine.
+
+    A small step of a run costs RUN_US, its derivatives by P columns of nx states RUN_US + SLOPE_US P nx.
+    """
+
+    left: float = np.inf
+
+    @property
+    def spent(self) -> bool:
+        return self.left <= 0
+
+    def run(self, runs: tuple[Trajectory, ...]) -> None:
+        self.left -= RUN_US * sum(len(one.X) for one in runs)
+
+    def slopes(self, runs: tuple[Trajectory, ...], columns: int) -> None:
+        self.left -= sum(len(one.X) * (RUN_US + SLOPE_US * columns * one.X.shape[1]) for one in runs)
+
+
+RUN_US, SLOPE_US = 0.5, 0.01
+SEARCH_S, SEARCH_S_PER_DOF = 4.0, 4.5  # for 10 000 samples; longer records have as many times more
+
+
+def budget_of(n: int, samples: int) -> Budget:
+    """The budget of n degrees of freedom and so many samples of training."""
+    return Budget(1e6 * (SEARCH_S + SEARCH_S_PER_DOF * n) * max(1.0, samples / 10_000))
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The nominal model, which of its entries may move, and the traces to fit.
@@ -42,6 +71,7 @@ class Problem:
     entries: tuple[tuple[int, int, int], ...]
     scale: Array
     fineness: int = field(default=1, kw_only=True)
+    budget: Budget = field(default_factory=Budget, kw_only=True)
 
     @property
     def prior(self) -> Array:
@@ -95,10 +125,14 @@ class Problem:
 
     def evaluate(self, point: Point) -> tuple[Array, tuple] | None:
         """Whitened residual rows and the runs; None where the model is inadmissible or its motion leaves every bound."""
-        return free_run(self, point)
+        found = free_run(self, point)
+        if found is not None:
+            self.budget.run(found[1])
+        return found
 
     def jacobian(self, point: Point, runs, parameters) -> Array:
         """(R, ntheta + parameters + 2 n traces): minus the derivative of the rows; the starts come last, per trace."""
+        self.budget.slopes(runs, len(self.entries) + len(parameters) + 2 * self.model.n)
         return free_run_jacobian(self, point, runs, parameters)
 
 
@@ -138,7 +172,8 @@ def problem_of(model: Model, traces: tuple[Trace, ...]) -> Problem:
                             _free_damping(m, model, traces, i, j),
                         )
                     )
-    return Problem(model, traces, tuple(entries), np.array(scale))
+    budget = budget_of(model.n, sum(t.N for t in traces))
+    return Problem(model, traces, tuple(entries), np.array(scale), budget=budget)
 
 
 def _free_damping(m: int, model: Model, traces: tuple[Trace, ...], i: int, j: int) -> float:

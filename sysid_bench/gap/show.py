@@ -53,6 +53,7 @@ def gap_values(
         "force_gap": answer.force_gaps,
         "force_share": force_share(answer),
         "rounds": [round_values(r) for r in answer.story.rounds],
+        "search_ended_early": answer.problem.budget.spent,
         "power": power_values(answer),
         "data": {
             "faults": [fault_values(f) for f in (*answer.check.faults, *answer.check.drives)],

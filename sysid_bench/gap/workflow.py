@@ -122,10 +122,16 @@ def find_gap(
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
     story = _chosen(problem, linear, catalogue, rules, tell)
     lower = _lower_floor(problem, story.fit, check)
-    if lower is not None:  # what is left shows the noise better than the record did: judged again by it
+    if (
+        lower is not None and not problem.budget.spent
+    ):  # what is left shows the noise better than the record did: judged again by it
         problem, linear = lower, linear_fit(lower) or linear
         nominal_rho = _nominal_rho(problem)
         story = _chosen(problem, linear, catalogue, rules, tell)
+    if problem.budget.spent:
+        tell(
+            "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
+        )
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
