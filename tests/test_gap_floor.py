@@ -7,6 +7,7 @@ import pytest
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import check_data
+from sysid_bench.gap.decide import Thresholds, _too_much
 from sysid_bench.gap.descent import fit
 from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.problem import Point
@@ -79,3 +80,11 @@ def test_a_strong_effect_is_seen_in_velocities_and_accelerations(output):
     assert linear is not None and linear.rho > 3
     first = screen(problem, linear, [effect_class(name) for name in names()]).candidates[0]
     assert first.effect.name == "cubic_stiffness"
+
+
+@pytest.mark.parametrize(
+    ("rho", "left", "too_much"),
+    [(1.2, 0.47, True), (1.2, 0.05, False), (1.05, 0.6, False), (1.6, 0.06, True), (40.0, 0.01, False)],
+)
+def test_an_effect_that_takes_only_part_of_the_gap_is_not_its_name(rho, left, too_much):
+    assert _too_much(rho, left, False, Thresholds()) is too_much

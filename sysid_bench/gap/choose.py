@@ -40,6 +40,8 @@ FAR = (
     1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
 )
 NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
+CLEAR = 3.0  # rho of a refit that leaves a gap nobody overlooks
+STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
 CLEAN = 1.2  # rho at which an explanation is complete
 
 
@@ -48,9 +50,11 @@ def noticeable(R: int) -> float:
     return 30 + 4 * np.log(R) + 0.002 * R
 
 
-def look(problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
-    """One screen and its finalists."""
-    ground = _ground(problem, base)
+def look(
+    problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float, ground: Fit | None = None
+) -> Round:
+    """One screen and its finalists. ground: where to screen from, where that is known."""
+    ground = ground or _ground(problem, base)
     R = len(base.rows)
     screened = polished_screen(problem, screen(problem, ground, catalogue), 0.3 * noticeable(R))
     if not screened.candidates or screened.candidates[0].explained < noticeable(R):
@@ -132,10 +136,33 @@ def as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> boo
     return any(s > 0.5 * p for s, p in zip(share, promised))
 
 
+def _first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
+    """The first look; where it explains little and the refit is bent, another one from the other ground."""
+    first = look(problem, linear, catalogue, rules, linear_gap)
+    chosen = first.chosen
+    closed = chosen is not None and not chosen.is_decoy and chosen.fit.rho - 1 < UNCLEAN * (linear.rho - 1)
+    if closed or linear.rho < CLEAR or _bend(problem, linear) < BENT / 2:
+        return first
+    other = linear if _ground(problem, linear) is not linear else _nominal(problem, linear)
+    second = look(problem, linear, catalogue, rules, linear_gap, other)
+    better = second.chosen is not None and (chosen is None or second.chosen.cost < chosen.cost)
+    return second if better else first
+
+
+def _bend(problem: Problem, base: Fit) -> float:
+    """The largest step of an entry, in units of its prior."""
+    return float(np.max(np.abs(base.point.theta / problem.prior), initial=0.0))
+
+
 def _ground(problem: Problem, base: Fit) -> Fit:
     """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
-    if base.rho < 20 or np.max(np.abs(base.point.theta / problem.prior)) < 1.1:
+    if base.rho < STRONG or _bend(problem, base) < BENT:
         return base
+    return _nominal(problem, base)
+
+
+def _nominal(problem: Problem, base: Fit) -> Fit:
+    """The same with the nominal parameters."""
     point = replace(base.point, theta=np.zeros_like(base.point.theta))
     found = evaluate(problem, point)
     return base if found is None else replace(base, point=point, rows=found[0], runs=found[1])
@@ -157,7 +184,7 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     """The story of the missing effects. Pure: nothing but its arguments decides."""
     rules = rules or Rules()
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
-    first = look(problem, linear, catalogue, rules, linear_gap)
+    first = _first_look(problem, linear, catalogue, rules, linear_gap)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
     shape = first.chosen
     if shape is None or not shape.is_decoy or (shape.fit.rss - len(shape.fit.rows)) < UNCLEAN * linear_gap:

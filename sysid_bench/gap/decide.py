@@ -19,6 +19,7 @@ class Thresholds:
     """When a verdict is given.
 
     left_rho, left_share (left_on_force where the force is judged): with effects found, more than this left (over the floor; of the linear gap) is `unknown`
+    part_rho, part_share: the same for what is left nearer to the floor: an effect that takes only part of a weak gap is not its name
     bare_rho: with none found, more than this is `unknown`
     moved_rho: the nominal's gap over the refit's from which `parameters` are wrong
     moved: practical size of a relative change: mass, damping, stiffness; twice that off the diagonal
@@ -26,6 +27,8 @@ class Thresholds:
 
     left_rho: float = 1.5
     left_share: float = 0.05
+    part_rho: float = 1.1
+    part_share: float = 0.25
     left_on_force: float = 0.5
     bare_rho: float = 1.6
     moved_rho: float = 1.3
@@ -53,8 +56,7 @@ def decide(
                 "unknown",
                 f"{effect.name} at {place_words(effect.dof)} explains it best; no catalogue effect does",
             )
-    allowed = thresholds.left_on_force if problem.on_force else thresholds.left_share
-    if found and now.rho > thresholds.left_rho and left > allowed:
+    if found and _too_much(now.rho, left, problem.on_force, thresholds):
         names = ", ".join(e.name for e in found)
         return Verdict(
             "unknown", f"{names} leaves {100 * left:.0f} % of the gap, {now.rho:.1f} times the noise floor"
@@ -84,6 +86,14 @@ def decide(
         "none",
         f"the model leaves {now.rho:.3g} times the noise floor: nothing is missing that these records can show",
     )
+
+
+def _too_much(rho: float, left: float, on_force: bool, thresholds: Thresholds) -> bool:
+    """True where named effects leave too much of the gap to be what is missing."""
+    if on_force:
+        return rho > thresholds.left_rho and left > thresholds.left_on_force
+    most = rho > thresholds.left_rho and left > thresholds.left_share
+    return most or (rho > thresholds.part_rho and left > thresholds.part_share)
 
 
 def _small(problem: Problem, now: Fit) -> bool:
