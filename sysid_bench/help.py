@@ -36,6 +36,7 @@ FOOT = (
     ),
     ("sysid-bench VERB plant=X --help", "the knobs of another option, with units and values"),
     ("sysid-bench VERB ... --cfg", "the resolved config, without running it"),
+    ("sysid-bench VERB ... plugins=DIR", "with options of your own: DIR/conf and the packages in DIR"),
     ("source <(sysid-bench --completion)", "in bash or zsh: Tab completes verbs, options and knobs"),
 )
 
