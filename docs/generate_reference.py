@@ -13,6 +13,9 @@ from mkdocs.structure.files import File, Files
 
 from sysid_bench import conf
 from sysid_bench.build import target_class
+from sysid_bench.help import fitted
+
+WIDTH = 88  # what the page shows of a line of code
 
 GROUPS = {
     "plant": "Plants",
@@ -73,4 +76,4 @@ def _option(group: str, name: str) -> Iterator[str]:
 
 
 def _yaml(lines: list[str]) -> list[str]:
-    return ["```yaml", *lines, "```", ""]
+    return ["```yaml", *(part for line in lines for part in fitted(line, WIDTH)), "```", ""]

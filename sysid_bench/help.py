@@ -75,7 +75,7 @@ def of_verb(verb: str, words: Sequence[str]) -> str:
         return "\n\n".join(_in_full(group, name, plugins) for group, name in asked.items())
     own = (conf.home().conf / f"{verb}.yaml").read_text().rstrip().splitlines()
     head = [*_column("#", 2, own[0][2:], hang=2), *_column("#", 2, own[1][2:], " \\", 6)]
-    body = [part for line in own[2:] for part in _fitted(line)]
+    body = [part for line in own[2:] for part in fitted(line)]
     return "\n".join([*head, *body, *_options(verb, defaults, options, plugins)])
 
 
@@ -87,19 +87,20 @@ def _in_full(group: str, name: str, plugins: conf.Plugins) -> str:
         [
             f"{group}={name}, its knobs as {group}.KNOB=VALUE:",
             "",
-            *(part for line in shown for part in _fitted(f"  {line}")),
+            *(part for line in shown for part in fitted(f"  {line}")),
         ]
     )
 
 
-def _fitted(line: str) -> list[str]:
-    """A line of a yaml; a comment that does not fit goes on below itself."""
+def fitted(line: str, width: int | None = None) -> list[str]:
+    """A line of a yaml; a comment that does not fit the width (None: the terminal's) goes on below itself."""
+    width = width or _width()
     found = re.match(r"(\s*|.*\S\s+)# (.*)", line)
-    if len(line) <= _width() or found is None:
+    if len(line) <= width or found is None:
         return [line]
-    at = min(len(found[1]), _width() - 30)
+    at = min(len(found[1]), width - 30)
     above = [] if at == len(found[1]) else [found[1].rstrip()]
-    first, *rest = textwrap.wrap(found[2], _width() - at - 2, break_on_hyphens=False)
+    first, *rest = textwrap.wrap(found[2], width - at - 2, break_on_hyphens=False)
     start = " " * at if above else found[1]
     return [*above, f"{start}# {first}", *(f"{'':{at}}# {part}" for part in rest)]
 

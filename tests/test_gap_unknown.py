@@ -10,7 +10,9 @@ import pytest
 from sysid_bench.__main__ import main
 from sysid_bench.files import read_model
 
-FOLDER = Path(__file__).parents[1] / "experiments" / "hidden_effects"
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "experiments" / "hidden_effects"
+GAP_JSON = (ROOT / "docs" / "files.md").read_text().partition("## gap.json\n")[2].partition("\n## ")[0]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -30,6 +32,9 @@ def test_an_unnamed_force_is_described_and_not_added(tmp_path, name, of_state):
     assert main(["gap", *words]) == 0
     values = json.loads((tmp_path / "gap" / "gap.json").read_text())
     assert values["verdict"] == "unknown" and values["effects"] == []
+    assert not [key for key in values if f"`{key}`" not in GAP_JSON], (
+        "a key that docs/files.md does not explain"
+    )
     assert not read_model(tmp_path / "gap" / "model.yaml").effects
     table = np.loadtxt(tmp_path / "gap" / "prediction.csv", delimiter=",", skiprows=1)
     y = np.loadtxt(tmp_path / "test.csv", delimiter=",", skiprows=1)[:, -3:]
