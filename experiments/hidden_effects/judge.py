@@ -83,9 +83,9 @@ def inside(answer: dict, truth: dict) -> list[list[Any]]:
             for key, value in true["values"].items():
                 got, std = e["values"].get(key, [0.0, 0.0])
                 if std > 0 and key not in NOT_COMPARED:
-                    out.append([e["name"], key, int(abs(_off(key, got - value)) <= CERTAIN * std)])
+                    out.append([e["name"], key, int(abs(off(key, got - value)) <= CERTAIN * std)])
     return out
 
 
-def _off(key: str, x: float) -> float:
+def off(key: str, x: float) -> float:
     return (x + np.pi) % (2 * np.pi) - np.pi if key == "phase" else x
