@@ -144,6 +144,12 @@ def test_records_that_do_not_fit_are_refused(tmp_path, capsys):
     assert "too few" in refused(tmp_path, capsys, [few], [recorded(2)])
 
 
+def test_a_file_where_the_folder_is_wanted_is_refused_before_the_work(tmp_path, capsys):
+    (tmp_path / "gap").write_text("")
+    message = refused(tmp_path, capsys, [recorded(1)], [recorded(2)])
+    assert "a folder is wanted" in message and "[" not in message
+
+
 @pytest.mark.parametrize("phi", [0.0, 0.6, 0.8])
 def test_the_colour_of_noise_is_told(phi):
     from scipy.signal import lfilter

@@ -43,6 +43,26 @@ def test_the_engine_agrees_with_radau():
     assert np.abs(Q - true).max() < 1e-4 * np.abs(true).max()
 
 
+def test_a_held_input_is_delayed_by_the_delay_itself():
+    """What has arrived by any time is what was sent a delay earlier, however the delay lies to the small steps."""
+    from engine import fine_input
+
+    h, small, delay = 0.05, 12, 0.0371
+    u = np.random.default_rng(4).normal(size=(40, 1))
+    w = fine_input(u, h, "zoh", small, delay)[1::2, 0]  # what a held small step takes
+    arrived = np.cumsum(w) * h / small
+    t = (1 + np.arange(len(w))) * h / small - delay
+    sent = np.interp(t, h * np.arange(41), np.concatenate([[0], np.cumsum(u) * h]))
+    assert np.allclose(arrived, sent, atol=1e-12)
+
+
+def test_intervals_are_asked_of_the_true_structure_alone():
+    from coverage import errors
+
+    found = list(errors("sensor_bias", "one", 3006))
+    assert [key for key, _ in found] == ["bias"] and abs(found[0][1]) < 4
+
+
 def names():
     sys.path.insert(0, str(FOLDER))
     from draw import ACTUATORS, FORCES

@@ -13,7 +13,7 @@ import numpy as np
 from sysid_bench import conf
 from sysid_bench.build import build
 from sysid_bench.effects import own_effects
-from sysid_bench.files import atomic_write, read_model, write_json, write_model
+from sysid_bench.files import atomic_write, read_model, results_folder, write_json, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.files.yaml_text import yaml_text
 from sysid_bench.gap.decide import Thresholds
@@ -29,7 +29,6 @@ from sysid_bench.records import read_record
 def main(cfg: dict[str, Any]) -> int:
     """0 whatever the verdict; InputError where records and model do not fit."""
     begun = time.perf_counter()
-    out = Path(cfg["out"])
     train_files, test_files = files(cfg["train"]), files(cfg["test"])
     own = own_effects(cfg["effects_path"])
     model = read_model(cfg["model"], own)
@@ -42,6 +41,7 @@ def main(cfg: dict[str, Any]) -> int:
     def tell(line: str) -> None:
         print(f"[{time.perf_counter() - begun:6.2f} s] {line}", file=sys.stderr, flush=True)
 
+    out = results_folder(cfg["out"])  # before the work, and only once the input is read
     for remark in dict.fromkeys(r for group in paired for _, _, remarks in group for r in remarks):
         tell(f"note: {remark}")
     answer = find_gap(train, test, model, own, rules, thresholds, tell, cfg["power"])
@@ -103,7 +103,6 @@ def files(value: Any) -> list[str]:
 
 def write_results(out: Path, answer: Answer, values: dict[str, Any], origin: dict[str, Any]) -> None:
     """gap.json, model.yaml, prediction.csv (one per test record where there are several)."""
-    out.mkdir(parents=True, exist_ok=True)
     write_model(
         replace(answer.better, sample_time_s=None),
         out / "model.yaml",

@@ -15,7 +15,7 @@ import numpy as np
 from sysid_bench.asked import require
 from sysid_bench.build import build
 from sysid_bench.estimate_table import show
-from sysid_bench.files import read_model, write_estimate, write_model
+from sysid_bench.files import read_model, results_folder, write_estimate, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.mechanics.excitation_check import check_excitation
 from sysid_bench.mechanics.order_selection import number_of_dofs
@@ -72,16 +72,6 @@ def order_remarks(record: Record, model: Model) -> list[str]:
         f"the record shows {found.n} degrees of freedom (singular values fall by {found.gap:.2g} there), the model has "
         f"{model.n}: a mode is missing, or not excited, or not seen"
     ]
-
-
-def results_folder(path: str) -> Path:
-    """The folder, made. Raises InputError where it cannot be."""
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputError(f"out={path}: a folder is wanted; cannot make it ({problem.strerror}).") from None
-    return folder
 
 
 def fitted(method: Method, record: Record, model: Model, out: Path) -> tuple[Estimate, list[str]]:

@@ -22,6 +22,16 @@ from sysid_bench.nouns import InputError
 MAX_TEXT_BYTES = 64 * 2**20
 
 
+def results_folder(path: str) -> Path:
+    """The folder, made. Raises InputError where it cannot be."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(f"out={path}: a folder is wanted; cannot make it ({problem.strerror}).") from None
+    return folder
+
+
 @contextlib.contextmanager
 def atomic_write(path: str | os.PathLike[str], mode: str = "wb") -> Generator[IO[Any], None, None]:
     """Open a temporary file beside `path` that takes its name only once it is whole and on the disk.
