@@ -90,8 +90,8 @@ def _rerun(name: str, results: Path, cfg: dict[str, Any]) -> _Run:
     composed = conf.compose("sweep", words, cfg["plugins"]) | {
         "plugins": cfg["plugins"], "words": words, "executor": cfg["executor"],
     }  # fmt: skip
-    sweep.main(composed)
     study: Study = study_of(composed)
+    sweep.run(study, composed)
     with Store(results / study.name / "rows.sqlite") as store:
         rows = list(store.rows(sweep.order_of(study)))
     swept = dict.fromkeys([*study.axes, *(key for case in study.cases for key in case)])

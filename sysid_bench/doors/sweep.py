@@ -31,8 +31,11 @@ FLUSH_ROWS = 200
 def main(cfg: dict[str, Any]) -> int:
     """Run what is not yet done of a study, then write its table and views. 0 also where cells failed: a
     failure is a row."""
-    words = cfg.get("words", [])
-    study = study_of(cfg, command_line_knobs(words))
+    return run(study_of(cfg, command_line_knobs(cfg.get("words", []))), cfg)
+
+
+def run(study: plan.Study, cfg: dict[str, Any]) -> int:
+    """As main, where the study of the config is composed already."""
     executor = build(cfg["executor"], study.packages)
     retry = _statuses(cfg["retry"])
     folder = study_folder(Path(cfg["results_dir"]), study.name)
@@ -41,7 +44,7 @@ def main(cfg: dict[str, Any]) -> int:
     order = checked_order(study, cfg.get("only"))
     (folder / "records").mkdir(parents=True, exist_ok=True)
     with locked(folder):
-        freeze(study, order, cfg, words, folder)
+        freeze(study, order, cfg, folder)
     with Store(folder / "rows.sqlite") as store:
         done = store.done(retry)
         run_cells(study, store, executor, work, done, sum(key not in done for key in order))
@@ -104,15 +107,13 @@ def checked_order(study: plan.Study, only: str | None) -> tuple[str, ...]:
     return order_of(study)
 
 
-def freeze(
-    study: plan.Study, order: tuple[str, ...], cfg: Mapping[str, Any], words: Iterable[str], folder: Path
-) -> None:
+def freeze(study: plan.Study, order: tuple[str, ...], cfg: Mapping[str, Any], folder: Path) -> None:
     """Write manifest.json: what the workers do was decided before they start."""
     shown = {key: value for key, value in cfg.items() if key not in ("plugins", "words")}
     manifest = {
         "study": study.name,
         "question": study.question,
-        "command": shlex.join(["sysid-bench", "sweep", *words]),
+        "command": shlex.join(["sysid-bench", "sweep", *cfg.get("words", [])]),
         "cells": len(order),
         "plan": plan.digest(order),
         "config": shown,
