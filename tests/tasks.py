@@ -29,5 +29,17 @@ def work(task: Task) -> Iterator[dict[str, Any]]:
         yield task.row(cell, status="ok", reason="", value=len(cell.key) / 3)
 
 
+class SlowStart:
+    """`work`, by a worker whose imports take three seconds."""
+
+    def __reduce__(self) -> tuple[Any, tuple[float]]:
+        return after, (3.0,)
+
+
+def after(seconds: float) -> Any:
+    time.sleep(seconds)
+    return work
+
+
 def by_key(rows: Any) -> dict[str, dict[str, Any]]:
     return {row["key"]: row for row in rows}

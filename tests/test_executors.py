@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from tasks import by_key, task, work
+from tasks import SlowStart, by_key, task, work
 
 from sysid_bench.executors.local import Local
 from sysid_bench.executors.serial import Serial
@@ -23,6 +23,11 @@ def test_a_native_crash_and_a_hang_are_rows_and_the_rest_goes_on() -> None:
     assert rows["b0"]["status"] == "error" and "exit code 3" in rows["b0"]["reason"]
     assert rows["c0"]["status"] == "timeout" and "3 s" in rows["c0"]["reason"]
     assert {rows[k]["status"] for k in ("a0", "a2", "c1", "d0")} == {"ok"}
+
+
+def test_the_start_of_a_worker_is_no_cell_s_time() -> None:
+    rows = by_key(Local(workers=1, cell_timeout_s=1.5).run(SlowStart(), [task("a", "ok"), task("b", "ok")]))
+    assert {row["status"] for row in rows.values()} == {"ok"}
 
 
 def test_no_tasks_give_no_rows() -> None:

@@ -186,7 +186,7 @@ def test_serving_answers_on_loopback_until_ended(results, ended_by):
             address = re.search(r"open (http://127\.0\.0\.1:\d+)\?url=", process.stdout.readline())[1]
             page = fetched(address)
             process.send_signal(ended_by)
-            assert process.wait(timeout=10) == 0
+            assert process.wait(timeout=60) == 0
         finally:
             process.kill()
     assert b"rerun" in page.lower()
@@ -194,7 +194,7 @@ def test_serving_answers_on_loopback_until_ended(results, ended_by):
         urllib.request.urlopen(address, timeout=2)
 
 
-def fetched(address: str, seconds: float = 15.0) -> bytes:
+def fetched(address: str, seconds: float = 60.0) -> bytes:
     end = time.monotonic() + seconds
     while True:
         try:

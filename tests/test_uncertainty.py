@@ -63,6 +63,7 @@ def test_repeated_poles_have_no_slope_and_what_is_not_told_is_infinite():
     assert np.isnan(modal_uncertainty(*twins, np.eye(9)).omega_n_std).all()
     blind = np.diag([1.0, 1, 1, np.inf, 1, 1, 1, 1, 1])
     assert np.isinf(modal_uncertainty(*OVERDAMPED, blind).omega_n_std).all()
+    assert np.isinf(modal_uncertainty(*OVERDAMPED, blind).pole_std.real).all()
 
 
 def test_only_poles_of_the_matrices_get_their_intervals():

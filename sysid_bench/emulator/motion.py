@@ -6,8 +6,8 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import expm
 
+from sysid_bench.mechanics.exponential import exponential
 from sysid_bench.mechanics.second_order import state_space
 from sysid_bench.nouns import Array, InputError, Plant
 
@@ -80,5 +80,5 @@ def motion_of(plant: Plant, h: float) -> Motion:
 
 def _zoh(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
     nx, nu = B.shape
-    E = expm(np.block([[A, B], [np.zeros((nu, nx + nu))]]) * dt)
-    return np.array(E[:nx, :nx], dtype=np.float64), np.array(E[:nx, nx:], dtype=np.float64)
+    E = exponential(np.block([[A, B], [np.zeros((nu, nx + nu))]]) * dt)
+    return E[:nx, :nx].copy(), E[:nx, nx:].copy()

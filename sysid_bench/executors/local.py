@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -17,6 +18,8 @@ from sysid_bench.nouns import InputError, Task
 Rows = Callable[[Task], Iterator[dict[str, Any]]]
 AHEAD = 2  # tasks handed to a worker: one at work, one waiting in its pipe
 POLL_S = 0.5
+START_S = 300.0  # for a worker's imports on a machine that is busy: no cell's time
+UP = "up"  # a worker's first word
 
 
 @dataclass
@@ -24,7 +27,7 @@ class _Worker:
     process: Any
     pipe: Any  # a Connection; on Windows a PipeConnection
     tasks: deque[Task] = field(default_factory=deque)
-    since: float = field(default_factory=time.monotonic)
+    since: float = field(default_factory=lambda: time.monotonic() + START_S)
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,7 @@ def _feed(worker: _Worker, lost: deque[Task], todo: Iterator[Task]) -> None:
         if task is None:
             return
         if not worker.tasks:
-            worker.since = time.monotonic()
+            worker.since = max(worker.since, time.monotonic())
         worker.tasks.append(task)
         try:
             worker.pipe.send(task)
@@ -96,9 +99,11 @@ def _feed(worker: _Worker, lost: deque[Task], todo: Iterator[Task]) -> None:
 
 
 def _received(worker: _Worker) -> Iterator[dict[str, Any]]:
-    """What the worker has sent: a row, or None where a task is done."""
+    """What the worker has sent: that it is up, a row, or None where a task is done."""
     row = worker.pipe.recv()
     worker.since = time.monotonic()
+    if row == UP:
+        return
     if row is None:
         worker.tasks.popleft()
         return
@@ -143,11 +148,9 @@ def _stop(worker: _Worker) -> None:
 def _work(pipe: Any, work: Rows) -> None:
     """A worker's life: task in, rows out, None when done; ends when the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    while True:
-        try:
-            task = pipe.recv()
-            for row in work(task):
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        pipe.send(UP)
+        while True:
+            for row in work(pipe.recv()):
                 pipe.send(row)
             pipe.send(None)
-        except (EOFError, BrokenPipeError, ConnectionResetError):
-            return

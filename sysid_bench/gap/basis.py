@@ -45,7 +45,8 @@ def basis(problem: Problem, point: Point, seens: list[SeenMotion], prior_scale: 
         [np.hstack([_placed(thin(f), free, k), thin(z)]) for k, (f, z) in enumerate(zip(free, shared))]
     )
     r = np.concatenate([thin(t) for t in targets])
-    norms = np.maximum(np.linalg.norm(Z, axis=0), 1e-300)
+    norms = np.linalg.norm(Z, axis=0)
+    norms[norms == 0] = 1.0  # what nothing moved has no columns
     Z = Z / norms
     Q, _ = np.linalg.qr(Z)
     left = r - Q @ (Q.T @ r)

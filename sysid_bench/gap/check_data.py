@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.nouns import Array, Record
+from sysid_bench.nouns import Array, InputError, Record
 
 NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
 FEWEST_CLIPPED = 6
@@ -54,6 +54,17 @@ def check_data(records: list[Record]) -> DataCheck:
     return DataCheck(faults, remarks, lattice, bad, drives)
 
 
+def refuse_still(records: list[Record], role: str) -> None:
+    """Raises InputError where an output is one value in all of the records: no effect explains a sensor that is dead."""
+    for c in range(records[0].ny):
+        y = np.concatenate([r.y[_good(r), c] for r in records])
+        if len(y) and np.ptp(y) == 0:
+            raise InputError(
+                f"{role}: output {c} is {y[0]:g} in all {len(y)} samples: its sensor is dead, or nothing moved. "
+                "Give records in which it moves, or leave the output out of the records and of output_map."
+            )
+
+
 def _good(record: Record) -> np.ndarray:
     return np.ones(record.N, dtype=bool) if record.quality is None else record.quality == 0
 
@@ -61,7 +72,8 @@ def _good(record: Record) -> np.ndarray:
 def lattice_step(parts: list[Array]) -> float:
     """Step of the lattice that nearly all values lie on; 0 where there are many different values."""
     y = np.concatenate(parts)
-    values = np.unique(np.round(y, 12))
+    size = np.abs(y).max(initial=0.0) or 1.0
+    values = np.unique(np.round(y / size, 12)) * size
     if len(values) > 0.3 * len(y) or len(values) < 3:
         return 0.0
     steps = np.diff(values)

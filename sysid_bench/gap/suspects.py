@@ -124,7 +124,7 @@ def on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> 
             if (kind.name, dof) in taken or effect_channels(effect, L) != [channel]:
                 continue
             size = sizes(problem, seens[0], direction(dof, problem.model.n), channel, lambda kind: [])
-            for one in effect.suspects(size):
+            for one in effect.suspects(size) if size.u_rms else ():  # a drive at rest shows nothing of itself
                 new = [actuated_difference(problem, point, s, None, one.columns[0]) for s in seens]
                 if _only_gain(seens[0], new[0], plain[channel]):
                     continue

@@ -16,8 +16,8 @@ from math import factorial, sqrt
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.linalg import expm
 
+from sysid_bench.mechanics.exponential import exponential
 from sysid_bench.mechanics.phi import phi
 from sysid_bench.nouns import Array, Complex, InputError
 
@@ -48,7 +48,7 @@ def exponential_step(A: Array, B: Array, h: float, degree: int) -> tuple[Array, 
     generator = np.zeros((size, size))
     generator[:nx, :nx], generator[:nx, nx : nx + nu] = h * A, h * B
     generator[nx : size - nu, nx + nu :] = np.eye(size - nu - nx)
-    E = expm(generator)[:nx]
+    E = exponential(generator)[:nx]
     weights = [factorial(p) * E[:, nx + p * nu : nx + (p + 1) * nu] for p in range(degree + 1)]
     return E[:, :nx], np.array(weights)
 

@@ -39,8 +39,9 @@ class ModalUncertainty:
     @property
     def pole_std(self) -> Complex:
         """Standard error of the real part + j that of the imaginary part."""
-        both = _deviations(self.pole_covariance)
-        return both[: len(self.poles)] + 1j * both[len(self.poles) :]
+        found = np.empty(len(self.poles), dtype=complex)  # j times infinity is not a number
+        found.real, found.imag = np.split(_deviations(self.pole_covariance), 2)
+        return found
 
 
 def pole_slopes(M: Array, D: Array, K: Array) -> tuple[Complex, Complex]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
 
+from sysid_bench.mechanics.exponential import exponential
 from sysid_bench.mechanics.holds import free_response, propagate, recursion
 from sysid_bench.mechanics.second_order import state_space
 from sysid_bench.nouns import Array, Estimate, Model, Record
@@ -44,7 +44,7 @@ def _sampled(record: Record, model: Model, estimate: Estimate) -> tuple[Array, A
         hold = model.hold or record.hold or "zoh"
         x, Ad = (
             propagate(A, B, record.u, record.h, hold, period=record.period),
-            np.asarray(expm(A * record.h), float),
+            exponential(A * record.h),
         )
     elif estimate.state_space is not None and estimate.state_space[4] > 0:
         Ad, B, C, Dd, _ = estimate.state_space
