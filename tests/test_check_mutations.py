@@ -76,7 +76,7 @@ def planted(copy: Path, request: pytest.FixtureRequest) -> Iterator[str]:
 def check(copy: Path, *words: str) -> subprocess.CompletedProcess[str]:
     env = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "sysid_bench", "check", *words]
-    return subprocess.run(command, cwd=copy, env=env, capture_output=True, text=True, timeout=600)
+    return subprocess.run(command, cwd=copy, env=env, capture_output=True, text=True, timeout=3000)
 
 
 @pytest.mark.slow

@@ -143,7 +143,7 @@ def test_gap_on_a_spoilt_record(tmp_path: Path, capsys, model: Path, kind: str) 
         words = [f"train={train}", f"test={test}", f"model={model}", f"out={out}", "views=false", "recording=false",
                  "power=false"]  # fmt: skip
         code, said = call(capsys, "gap", *words)
-        assert code == 2 or kind not in REFUSED | STILL, said
+        assert code == 2 or kind not in REFUSED | STILL | {"huge"}, said
         assert kind not in STILL or "nothing moved" in said
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -12,6 +13,8 @@ from cantools.database.errors import Error as DbcError
 from sysid_bench.frames.checksum import rule
 from sysid_bench.frames.frame import Frame
 from sysid_bench.nouns import InputError
+
+MOST_BITS = 8 * 1785  # the longest message of SAE J1939, in several frames
 
 
 class Decoded(NamedTuple):
@@ -87,11 +90,25 @@ class Codec:
 
 def load_database(text: str, name: str) -> Any:
     """The database of a DBC text. Raises InputError."""
+    if excess := next((size for size in _sizes(text) if size > MOST_BITS), None):
+        raise InputError(
+            f"{name}: a message or signal of {excess} bits is longer than any on a CAN bus ({MOST_BITS})."
+        )
     try:
-        return cantools.database.load_string(text, "dbc", strict=True)
+        database: Any = cantools.database.load_string(text, "dbc", strict=True)
+        for message in database.messages:  # a float of one bit shows only where it is read
+            message.decode(bytes(message.length), decode_choices=False)
+        return database
     except (DbcError, ValueError, KeyError, IndexError, AttributeError) as problem:
         reason = " ".join(str(problem).split())
         raise InputError(f"{name} is no DBC file that can be read: {reason[:300]}") from None
+
+
+def _sizes(text: str) -> Iterator[int]:
+    """Bits of every message, first bit and bits of every signal, read off the text: a parser would make room for them."""
+    yield from (8 * int(size[:9]) for size in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", text))
+    for place in re.findall(r"\bSG_[^:\n]*:\s*(\d+)\s*\|\s*(\d+)", text):
+        yield from (int(number[:9]) for number in place)
 
 
 def _crc_byte(message: Any, signal_name: str | None) -> int | None:

@@ -12,6 +12,7 @@ from sysid_bench.nouns import Array, InputError, Record
 
 NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
 FEWEST_CLIPPED = 6
+LARGEST = 1e100
 AT_REST = 0.05  # of the rms step between samples: a sensor that sticks lets go with a jump
 
 
@@ -54,8 +55,14 @@ def check_data(records: list[Record]) -> DataCheck:
     return DataCheck(faults, remarks, lattice, bad, drives)
 
 
-def refuse_still(records: list[Record], role: str) -> None:
-    """Raises InputError where an output is one value in all of the records: no effect explains a sensor that is dead."""
+def refuse_unusable(records: list[Record], role: str) -> None:
+    """Raises InputError where an output is one value in all of the records (no effect explains a sensor that is dead),
+    and where numbers are too large for their cubes."""
+    for values in (part for r in records for part in (r.u, r.y)):
+        if np.nanmax(np.abs(values), initial=0.0) > LARGEST:
+            raise InputError(
+                f"{role}: values above {LARGEST:g} cannot be worked with: give the records in other units."
+            )
     for c in range(records[0].ny):
         y = np.concatenate([r.y[_good(r), c] for r in records])
         if len(y) and np.ptp(y) == 0:
