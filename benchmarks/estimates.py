@@ -9,6 +9,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -25,8 +26,8 @@ from sysid_bench.methods.spline_ml import SplineML
 from sysid_bench.nouns import Array, Model, Plant, Record
 
 STEPS = {
-    "three_dof": (1.0, 15.0, (1.0, 0.5, 0.25, 0.1, 0.04, 0.01, 0.005)),
-    "eight_dof": (0.1, 20.0, (0.1, 0.05, 0.025, 0.0125, 0.005, 0.0025, 0.001)),
+    "three_dof": (1.0, (15.0,), (1.0, 0.5, 0.25, 0.1, 0.04, 0.01, 0.005)),
+    "eight_dof": (0.1, (20.0, 8.0), (0.1, 0.05, 0.025, 0.0125, 0.005, 0.0025, 0.001)),
 }
 
 
@@ -51,13 +52,17 @@ def median_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def against_h() -> None:
-    """N = 6000: what an estimate costs at every sampling time."""
-    for name, (knot_s, snr_db, steps) in STEPS.items():
+    """N = 6000: what an estimate costs at every sampling time and signal to noise ratio."""
+    for name, (knot_s, ratios, steps) in STEPS.items():
         plant = build(conf.option("plant", name))
-        for h in steps:
+        for h, snr_db in product(steps, ratios):
             records = [record_of(plant, h, knot_s, snr_db, seed=k) for k in range(5)]
             each = [median_ms(lambda r=r, n=plant.n: SplineML().fit(r, Model(n=n)), 3) for r in records]
-            print(f"{name:10s} h = {h:<7g} {statistics.median(each):8.1f} ms", flush=True)
+            print(
+                f"{name:10s} {snr_db:4g} dB  h = {h:<7g} {statistics.median(each):8.1f} ms"
+                f"  ({min(each):.1f} to {max(each):.1f})",
+                flush=True,
+            )
 
 
 def finite_differences(plant: Plant, record: Record, start: Array) -> Callable[[], object]:
@@ -124,7 +129,7 @@ def _point(record: Record, output: Callable, jacobian: Callable) -> Callable[[Ar
 def rivals() -> None:
     """The same records, the same start, the whole estimate; ratios to ours."""
     for name, h in (("three_dof", 0.1), ("three_dof", 0.04), ("eight_dof", 0.0125)):
-        knot_s, snr_db, _ = STEPS[name]
+        knot_s, (snr_db, *_), _ = STEPS[name]
         plant = build(conf.option("plant", name))
         record = record_of(plant, h, knot_s, snr_db)
         problem = problem_of([record], Model(n=plant.n), "diagonal", False, False)

@@ -7,11 +7,16 @@ import pytest
 
 from sysid_bench import conf
 from sysid_bench.build import build
-from sysid_bench.mechanics.estimation import fit_problem, problem_of
+from sysid_bench.mechanics import likelihood
+from sysid_bench.mechanics.estimation import Problem, fit_problem, in_band_run, problem_of
 from sysid_bench.mechanics.fisher import crlb
-from sysid_bench.mechanics.likelihood import maximise
-from sysid_bench.mechanics.second_order import pack
+from sysid_bench.mechanics.in_band import thinned
+from sysid_bench.mechanics.likelihood import Run, evaluate, information_and_gradient, maximise
+from sysid_bench.mechanics.refined_iv import refine
+from sysid_bench.mechanics.response import modes_of
+from sysid_bench.mechanics.second_order import pack, unpack
 from sysid_bench.mechanics.simulate import simulate
+from sysid_bench.mechanics.start import GROWTH, linear_start, refined_start
 from sysid_bench.methods.spline_ml import SplineML
 from sysid_bench.nouns import InputError, Model, Plant, Record
 from sysid_bench.score import relative_error
@@ -217,3 +222,40 @@ def test_it_is_at_the_bound(name: str, h: float, snr_db: float) -> None:
         pairs = (("M", plant.mass), ("D", plant.damping), ("K", plant.stiffness))
         ratios.append([relative_error(getattr(estimate, x), truth) / getattr(bound, x) for x, truth in pairs])
     assert np.all(np.sqrt(np.mean(np.square(ratios), axis=0)) < 1.2)
+
+
+def dim_run() -> tuple[Run, Problem]:
+    """Eight masses at 8 dB, every so many-th bin of the band: few for 108 unknowns."""
+    plant = plant_named("eight_dof")
+    record, _ = record_of(plant, 0.1, N=3000, snr_db=8, per_knot=1, seed=1)
+    problem = problem_of([record], plant.model().structure_only(), "diagonal", False, False)
+    run = in_band_run(record, problem, "cubic")
+    data, F = thinned(run.data, run.F, 250)
+    return replace(run, data=data, F=F), problem
+
+
+def growth(theta: np.ndarray) -> float:
+    found = modes_of(*unpack(theta, 8)).poles
+    return float((found.real / np.abs(found)).max())
+
+
+def test_an_instrumental_step_that_runs_away_is_not_taken() -> None:
+    run, problem = dim_run()
+    start = linear_start([run], problem.free, problem.known)
+    assert growth(start) < 0 < GROWTH < growth(refine(run.data, run.maps, run.F, start, steps=3)[0])
+    assert growth(refined_start([run], problem.free, start)) <= GROWTH
+
+
+@pytest.mark.parametrize("noise", ["diagonal", "full", "coloured"])
+def test_sums_over_blocks_of_bins_are_the_sum_over_all(noise: str, monkeypatch) -> None:
+    plant = plant_named("three_dof")
+    record, _ = record_of(plant, 0.1, snr_db=15)
+    problem = problem_of([record], plant.model().structure_only(), noise, False, False)
+    run = in_band_run(record, problem, "cubic")
+    if noise == "coloured":
+        run = replace(run, weight=np.linspace(1.0, 2.0, 3 * run.F).reshape(run.F, 3))
+    point = evaluate(pack(plant.mass, plant.damping, plant.stiffness), [run])
+    whole = information_and_gradient(point, [run])
+    monkeypatch.setattr(likelihood, "BLOCK", run.F // 3)
+    for got, wanted in zip(information_and_gradient(point, [run]), whole, strict=True):
+        assert np.allclose(got, wanted, rtol=1e-9, atol=1e-11 * np.abs(wanted).max())
