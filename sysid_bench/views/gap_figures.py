@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.inverse import ENDS
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.nouns import Array
 from sysid_bench.views.gap_clouds import Figure, clouds, inner
@@ -28,6 +29,7 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
         (bars(budget(values), "x floor"), "error budget", steps),
         (bars(held_out(values), "%"), "held-out error", proof),
         *(_forces(answer) if answer.judged else _motions(answer)),
+        *_residuals(answer),
         *clouds(answer),
     ]
     return [
@@ -39,27 +41,68 @@ def images(answer: Answer, values: Mapping[str, Any]) -> list[Mapping[str, str]]
 
 def _motions(answer: Answer) -> list[Figure]:
     channels = range(min(answer.after[0].trace.y.shape[1], CHANNELS))
-    here = "on the first test record"
+    caption = "on the first test record, where the given model is worst."
+    return [(_output(answer, c), f"output {c + 1}", f"Output {c + 1} {caption}") for c in channels]
+
+
+def _residuals(answer: Answer) -> list[Figure]:
+    what = "Force that is left" if answer.judged else "Residual"
+    here = f"{what} on the first test record"
     return [
-        *((_output(answer, c), f"output {c + 1}", f"Output {c + 1} {here}, where the given model is worst.") for c in channels),
-        (_spectrum(answer), "residual spectrum", f"Residual {here}, all channels, by frequency."),
-        (_over_time(answer), "residual over time", f"Residual {here}, rms of all channels in a hundred parts, over the noise floor."),
+        (_spectrum(answer), "residual spectrum", f"{here}, all channels, by frequency."),
+        (_over_time(answer), "residual over time", f"{here}, rms of all channels in a hundred parts, over the noise floor."),
     ]  # fmt: skip
 
 
+def leftover(answer: Answer) -> list[tuple[Array, Array]]:
+    """t (N,), residual (N, channels) over the noise floor on the first test record, of the given and the better model.
+
+    Where the force is judged: the force that is left, without the ends of the record.
+    """
+    if answer.judged is None:
+        proofs = (answer.before[0], answer.after[0])
+        return [(p.trace.t, p.trace.filled(p.trace.y - p.predicted) / np.sqrt(answer.noise)) for p in proofs]
+    found, weight = [], answer.problem.traces[0].weight[0]
+    for one in (answer.judged["given"][0], answer.judged["better"][0]):
+        inside = slice(int(1.5 * ENDS * len(one.t)) + 1, -int(1.5 * ENDS * len(one.t)) - 1)
+        found.append((one.t[inside], ((one.given - one.needed) * weight)[inside]))
+    return found
+
+
+def power_by_frequency(answer: Answer, t: Array, r: Array) -> tuple[Array, Array]:
+    """Hz (F,), mean power of the channels (F,) of a residual over its floor, up to twice the band."""
+    power = np.mean(np.abs(np.fft.rfft(r, axis=0)) ** 2, axis=1) / len(r)
+    f = np.fft.rfftfreq(len(r), float(t[1] - t[0]))
+    kept = f < answer.problem.traces[0].omega[-1] / np.pi
+    return f[kept], power[kept]
+
+
 def _over_time(answer: Answer) -> str:
-    lines, parts = [], 100
-    for proof in (answer.before[0], answer.after[0]):
-        r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
-        lines.append([np.sqrt(np.mean(part**2)) for part in np.array_split(r, parts)])
-    first, last = answer.after[0].trace.t[[0, -1]]
-    t = np.linspace(first, last, parts)
-    shown = [np.log10(np.maximum(line, 1e-3)) for line in lines]
-    top = max(float(line.max()) for line in shown)
-    axes = Axes((float(t[0]), float(t[-1])), (-0.5, top + 0.3), "t (s)", "rms over floor", log=True)
-    for line, colour in zip(shown, (1, 0)):
-        axes.line(t, line, colour)
-    axes.line(t[[0, -1]], np.zeros(2), 7, 1.0)
+    parts, shown = 100, []
+    for t, r in leftover(answer):
+        rms = [np.sqrt(np.mean(part**2)) for part in np.array_split(r, parts)]
+        shown.append((np.linspace(t[0], t[-1], parts), np.log10(np.maximum(rms, 1e-3))))
+    return _over_floor(shown, "t (s)", "rms over floor")
+
+
+def _spectrum(answer: Answer) -> str:
+    shown = []
+    for t, r in leftover(answer):
+        f, power = power_by_frequency(answer, t, r)
+        fold = max(1, len(f) // 200)
+        f, power = (x[: len(x) // fold * fold].reshape(-1, fold).mean(axis=1) for x in (f, power))
+        shown.append((f, np.log10(power + 1e-300)))
+    return _over_floor(shown, "frequency (Hz)", "power over floor")
+
+
+def _over_floor(shown: Sequence[tuple[Array, Array]], along: str, label: str) -> str:
+    """Logarithms over the floor, of the given and the better model."""
+    first, last = (float(f(np.concatenate([x for x, _ in shown]))) for f in (np.min, np.max))
+    top = max(float(y.max()) for _, y in shown)
+    axes = Axes((first, last), (-0.7, max(top, 0.0) + 0.5), along, label, log=True)
+    for (x, y), colour in zip(shown, (1, 0)):
+        axes.line(x, y, colour)
+    axes.line(np.array([first, last]), np.zeros(2), 7, 1.0)
     axes.legend([("given model", 1), ("better model", 0), ("noise floor", 7)])
     return axes.text()
 
@@ -111,31 +154,3 @@ def _force(refitted: Any, better: Any, i: int) -> Figure:
         f"Force at DOF {i} on the first test record, in the band: what was given and what the motion needs."
     )
     return axes.text(), f"force {i + 1}", caption
-
-
-def _spectrum(answer: Answer) -> str:
-    lines, names = [], (("given model", 1), ("better model", 0))
-    for proof in (answer.before[0], answer.after[0]):
-        r = proof.trace.filled(proof.trace.y - proof.predicted)
-        power = np.mean(np.abs(np.fft.rfft(r, axis=0)) ** 2, axis=1) / len(r)
-        f = np.fft.rfftfreq(len(r), proof.trace.h)
-        fold = max(1, len(f) // 400)
-        keep = len(f) // fold * fold
-        lines.append(
-            (f[:keep].reshape(-1, fold).mean(1), np.log10(power[:keep].reshape(-1, fold).mean(1) + 1e-300))
-        )
-    top = answer.problem.traces[0].omega[-1] / np.pi
-    shown = [(f[f < top], p[f < top]) for f, p in lines]
-    floor = float(np.log10(np.mean(answer.noise)))
-    axes = Axes(
-        (0.0, float(top)),
-        (floor - 0.7, max(float(p.max()) for _, p in shown) + 0.6),
-        "frequency (Hz)",
-        f"power ({unit_of(answer, 0)}²)",
-        log=True,
-    )
-    for (f, p), (_, colour) in zip(shown, names):
-        axes.line(f, p, colour)
-    axes.line(np.array([0.0, top]), np.array([floor, floor]), 7, 1.0)
-    axes.legend([*names, ("noise floor", 7)])
-    return axes.text()

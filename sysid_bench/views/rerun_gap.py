@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.inverse import ENDS
 from sysid_bench.gap.workflow import Answer
 from sysid_bench.views.gap_clouds import found_forces, unexplained
+from sysid_bench.views.gap_figures import leftover, power_by_frequency
 from sysid_bench.views.gap_words import WORDS, budget, place_words, suspects, unit_of
 from sysid_bench.views.rerun_record import log_markdown, log_series, panels, recording, signal_view, x_range
 
@@ -66,9 +68,11 @@ def _log_force(stream: Any, answer: Answer, effect: Any) -> None:
 
     trace = answer.problem.traces[0]
     x, v, force = unexplained(answer, effect)
-    index = rr.TimeColumn("t", duration=trace.t)
-    log_series(stream, "force/unexplained", index, force, "unexplained force", -1)
     fitted = force_along(effect, x, v, trace.h, trace.t0)
+    ends = int(ENDS * trace.N)  # there a motion is not differentiated well
+    x, v, force, fitted, t = (z[ends : trace.N - ends] for z in (x, v, force, fitted, trace.t))
+    index = rr.TimeColumn("t", duration=t)
+    log_series(stream, "force/unexplained", index, force, "unexplained force", -1)
     log_series(stream, "force/effect", index, fitted, effect.name, 1)
     step = max(1, len(x) // CLOUD)
     for name, values, colour in (("unexplained", force, (200, 200, 200)), ("effect", fitted, (230, 120, 30))):
@@ -81,16 +85,10 @@ def _log_spectrum(stream: Any, answer: Answer) -> None:
     """Mean residual power per band of the given and the better model over the noise floor, dB."""
     import rerun as rr
 
-    top = answer.problem.traces[0].omega[-1]
-    for name, proof, colour in (
-        ("given", answer.before[0], (213, 94, 0)),
-        ("better", answer.after[0], (0, 114, 178)),
-    ):
-        r = proof.trace.filled(proof.trace.y - proof.predicted) / np.sqrt(answer.noise)
-        power = np.mean(np.abs(np.fft.rfft(r, axis=0)) ** 2, axis=1) / len(r)
-        f = np.fft.rfftfreq(len(r), proof.trace.h)
-        kept = f < top / np.pi
-        bands = np.array_split(np.flatnonzero(kept), min(BANDS, int(kept.sum())))
+    looks = (("given", (213, 94, 0)), ("better", (0, 114, 178)))
+    for (name, colour), (t, r) in zip(looks, leftover(answer)):
+        f, power = power_by_frequency(answer, t, r)
+        bands = np.array_split(np.arange(len(f)), min(BANDS, len(f)))
         levels = [10 * np.log10(max(float(power[b].mean()), 0.1)) for b in bands]
         centres = [float(f[b].mean()) for b in bands]
         widths = np.full(len(levels), 0.9 * (centres[-1] - centres[0]) / max(len(levels) - 1, 1))
