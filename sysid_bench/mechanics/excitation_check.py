@@ -14,6 +14,7 @@ DEAD_SHARE = 0.1  # of the band
 ILL_CONDITIONED = 1e4  # of the inputs' covariance, scaled
 FEW_PERIODS = 5.0
 ALIASED = 0.1  # of the greatest power, near Nyquist
+ABOVE_NOISE = 10.0  # times the floor: from here on an output is a response
 COARSE_STEP = 0.1  # of an output's rms
 
 
@@ -63,9 +64,10 @@ def _inputs_alike(u: Array) -> list[str]:
 
 def _unexcited(data: Spectra, F: int) -> list[str]:
     """Inputs without content where the plant's gain is greatest, as far as the output shows it above its noise."""
-    inputs = uniform_filter1d(np.abs(data.U[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
-    outputs = uniform_filter1d(np.abs(data.Y[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
-    seen = np.maximum(outputs - 3 * noise_floor(data.Y), 0).sum(axis=1)
+    U, Y = _tapered(data.U), _tapered(data.Y)
+    inputs = uniform_filter1d(np.abs(U[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
+    outputs = uniform_filter1d(np.abs(Y[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
+    seen = np.maximum(outputs - ABOVE_NOISE * noise_floor(Y), 0).sum(axis=1)
     gain = seen / np.maximum(inputs.sum(axis=1), 1e-300)
     said = []
     for k, column in enumerate(inputs.T):
@@ -77,6 +79,12 @@ def _unexcited(data: Spectra, F: int) -> list[str]:
                 "excite these frequencies"
             )
     return said
+
+
+def _tapered(X: Array) -> Array:
+    """Spectrum of the same record under a Hann window: what leaks from its ends is no response to the force."""
+    padded = np.concatenate([X[1:2].conj(), X, X[-1:]])
+    return X - 0.5 * (padded[:-2] + padded[2:])
 
 
 def _aliased(data: Spectra) -> list[str]:
