@@ -63,6 +63,11 @@ def test_orders_show_how_often_they_are_right(tmp_path) -> None:
     assert "| one | 2 | 0 | 50 % |" in bound_page(tmp_path)
 
 
+def test_a_study_of_one_point_has_one_line(tmp_path) -> None:
+    study(tmp_path, "at_the_bound/low_snr", [row(1.0, 0.0), row(2.0, 0.0)])
+    assert "| 2 | 0 | 1.58 / 1.58 / 1.58 | 50 % |" in bound_page(tmp_path)
+
+
 def test_no_study_is_one_message(tmp_path, capsys) -> None:
     assert main([str(tmp_path), str(tmp_path / "page.md")]) == 2
     assert "make bound" in capsys.readouterr().err

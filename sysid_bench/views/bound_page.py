@@ -83,7 +83,7 @@ def _points(study: Study) -> tuple[list[str], list[tuple[str, ...]]]:
     if rest:
         columns.append([_condition(rest, row) for row in zip(*(words[key] for key in rest), strict=True)])
     heads = [FIRST[key] for key in alone] + (["condition"] if rest else [])
-    return heads, list(zip(*columns, strict=True))
+    return heads, list(zip(*columns, strict=True)) if columns else [()] * study.rows
 
 
 def _condition(keys: Sequence[str], row: Sequence[str]) -> str:
