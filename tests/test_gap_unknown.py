@@ -24,7 +24,8 @@ def path():
 
 @pytest.mark.parametrize("name, of_state", [("van_der_pol", True), ("random_force", False)])
 def test_an_unnamed_force_is_described_and_not_added(tmp_path, name, of_state):
-    from draw import Draw, write
+    from draw import Draw
+    from trial import write
 
     write(Draw(5, kind="unknown", name=name, size="three").trial(), tmp_path)
     words = [f"{k}={tmp_path / k}.csv" for k in ("train", "test")]

@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from draw import Draw, Trial
+from draw import Draw
+from trial import Trial
 
 from sysid_bench.effects import effect_class
 from sysid_bench.gap.contend import best_start

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from laws import FORCES as LAWS
 from laws import Law, Site, on_the_input, on_the_sensor, plain, unnamed
-from motion import Hidden, Machine, run, run_in_loop, sensed
+from motion import Hidden, Machine, run, sensed
 from plants import excite, plant
+from sensing import flags, measured, sensors
+from trial import STRATA, Trial, write
 
 FORCES = (
     "coulomb_friction stribeck_friction presliding_friction quadratic_drag cubic_stiffness quadratic_stiffness dead_zone backlash "
@@ -25,53 +25,6 @@ OUTSIDE = (
     "random_force input_square"
 ).split()
 ALONE = ("extra_mode", "periodic_disturbance", "constant_force")  # act on one DOF, never between two
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What makes a trial harder.
-
-    colour: correlation of neighbouring noise samples; sensors: share of the DOFs that is measured; lost: share of the
-    samples that never arrived; in_loop: a controller feeds the position back; wrong_parameters: 10-30 % beside the
-    effect; levels: amplitudes of further training records, of other lengths
-    """
-
-    colour: float = 0.0
-    sensors: float = 1.0
-    lost: float = 0.0
-    in_loop: bool = False
-    wrong_parameters: bool = False
-    levels: tuple[float, ...] = ()
-
-
-STRATA = {
-    "main": Conditions(),
-    "coloured noise": Conditions(colour=0.8),
-    "unmeasured DOFs": Conditions(sensors=0.5),
-    "2 % samples lost": Conditions(lost=0.02),
-    "closed loop": Conditions(in_loop=True),
-    "parameters and an effect": Conditions(wrong_parameters=True),
-    "two amplitudes": Conditions(levels=(0.4,)),
-}
-
-
-@dataclass
-class Trial:
-    """Nominal M, D, K, L, C; records (u, y) with their flags (None: all good); `more` training records; the truth."""
-
-    M: np.ndarray
-    D: np.ndarray
-    K: np.ndarray
-    L: np.ndarray
-    h: float
-    hold: str
-    initial_state: str
-    train: tuple
-    test: tuple
-    truth: dict
-    C: np.ndarray
-    more: list = field(default_factory=list)
-    quality: list = field(default_factory=list)
 
 
 class Draw:
@@ -130,18 +83,18 @@ class Draw:
         self._choose()
         self.blur(nominal_spread)
         snr, free = self.rng.uniform(15, 40), self.rng.random() < 0.3
-        measured = [self._measured(u, snr, free) for u in self.us]
-        noise = [y - clean for _, y, clean in measured]
-        data = [(u, sensed(self.hidden, y)) for u, y, _ in measured]
+        records = [measured(self, u, snr, free) for u in self.us]
+        noise = [y - clean for _, y, clean in records]
+        data = [(u, sensed(self.hidden, y)) for u, y, _ in records]
         bad = self._bad(data)
-        C = self._sensors()
+        C = sensors(self)
         share = np.sqrt(np.mean(np.mean(noise[1] ** 2, axis=0) / np.mean(data[1][1] ** 2, axis=0)))
         self.truth.update(
             size=self.size, excitation=self.ex, hold=self.hold, snr_db=float(snr), kind=self.kind, bad=bad,
             noise_share=float(share), true=[X.tolist() for X in (self.M, self.D, self.K)],
         )  # fmt: skip
         data = [(u, y @ C.T) for u, y in data]
-        quality = [self._flags(len(u)) for u, _ in data]
+        quality = [flags(self, len(u)) for u, _ in data]
         data = [
             (u, y if q is None else np.where(q[:, None] > 0, np.nan, y)) for (u, y), q in zip(data, quality)
         ]
@@ -275,51 +228,6 @@ class Draw:
             X *= np.tril(F) + np.tril(F, -1).T
         self.nominal[0] = np.diag(np.diag(self.nominal[0]))
 
-    def _measured(self, u, snr: float, free: bool):
-        """u, y, y without noise (N, n)."""
-        rng, n = self.rng, self.n
-        x0 = [np.zeros(n)] * 2
-        if free:
-            x0 = [rng.normal(size=n) * self.base[k].std(0) for k in range(2)]
-        size = 10 ** (-snr / 20)
-        if self.conditions.in_loop:
-            noise = rng.normal(size=(len(u), n)) * self.base[0].std(0) * size
-            Q, u = run_in_loop(self.machine, self.hidden, u, noise, *self._controller(), self.small, x0)
-            return u, Q + noise, Q
-        Q, _ = run(self.machine, self.hidden, u, self.small, x0)
-        return u, Q + self._noise(Q) * size, Q
-
-    def _noise(self, Q: np.ndarray) -> np.ndarray:
-        """(N, n) of the size of Q; coloured: first-order, the same variance."""
-        white = self.rng.normal(size=Q.shape)
-        rho = self.conditions.colour
-        if rho:
-            from scipy.signal import lfilter
-
-            white = lfilter([np.sqrt(1 - rho**2)], [1, -rho], white, axis=0)
-        return white * np.nanstd(Q, axis=0)
-
-    def _controller(self) -> tuple[np.ndarray, np.ndarray]:
-        """gain, lead (nu, n): position feedback of a third to the whole of a spring, with some damping."""
-        stiff = np.diag(self.L.T @ self.K @ self.L) * np.random.default_rng(self.N).uniform(0.3, 1)
-        return stiff[:, None] * self.L.T, 0.2 / self.high * stiff[:, None] * self.L.T
-
-    def _sensors(self) -> np.ndarray:
-        """C (ny, n): each DOF, or some of them (at least one)."""
-        if self.conditions.sensors == 1:
-            return np.eye(self.n)
-        count = max(1, round(self.conditions.sensors * self.n + self.own.uniform(-0.5, 0.5)))
-        return np.eye(self.n)[np.sort(self.own.permutation(self.n)[:count])]
-
-    def _flags(self, N: int) -> np.ndarray | None:
-        """(N,) 1 where a sample was lost, alone or in short bursts."""
-        if not self.conditions.lost:
-            return None
-        lost = self.own.random(N) < self.conditions.lost / 2
-        for k in np.flatnonzero(self.own.random(N) < self.conditions.lost / 10):
-            lost[k : k + 5] = True
-        return lost.astype(np.uint8)
-
     def _bad(self, data) -> bool:
         if any(not np.isfinite(y).all() for _, y in data):
             return True
@@ -327,32 +235,6 @@ class Draw:
             return True
         lowest = np.linalg.eigvalsh(self.nominal[2]).min()
         return bool(lowest < 0.3 * np.linalg.eigvalsh(self.K).min())
-
-
-def write(trial: Trial, folder: Path) -> None:
-    """train.csv, test.csv (train2.csv ... where there are more), model.yaml and, apart, the sealed truth."""
-    import yaml
-
-    folder.mkdir(parents=True, exist_ok=True)
-    names = ["train", "test", *(f"train{k + 2}" for k in range(len(trial.more)))]
-    for k, (name, (u, y)) in enumerate(zip(names, (trial.train, trial.test, *trial.more))):
-        _write_record(folder / f"{name}.csv", u, y, trial.h, trial.quality[k])
-    model = {
-        "mass": trial.M.tolist(), "damping": trial.D.tolist(), "stiffness": trial.K.tolist(), "input_map": trial.L.tolist(),
-        "output_map": trial.C.tolist(), "output": "displacement", "initial_state": trial.initial_state,
-        "input_intersample": {"cubic": "smooth"}.get(trial.hold, trial.hold), "sample_time": trial.h,
-    }  # fmt: skip
-    (folder / "model.yaml").write_text(yaml.safe_dump(model))
-    (folder / "sealed.json").write_text(json.dumps(trial.truth))
-
-
-def _write_record(path: Path, u, y, h: float, quality) -> None:
-    words = ["t", *(f"u{i + 1}" for i in range(u.shape[1])), *(f"y{i + 1}" for i in range(y.shape[1]))]
-    columns = [np.arange(len(u)) * h, u, y]
-    if quality is not None:
-        words, columns = [*words, "quality"], [*columns, quality]
-    table = np.column_stack(columns)
-    np.savetxt(path, table, delimiter=",", header=",".join(words), comments="", fmt="%.12g")
 
 
 if __name__ == "__main__":

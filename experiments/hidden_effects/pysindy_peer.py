@@ -27,9 +27,10 @@ from pathlib import Path
 
 import numpy as np
 from attempt import model_of, records_of
-from draw import Draw, Trial
+from draw import Draw
 from judge import judge
 from tally import markdown, share
+from trial import Trial
 from trials import KEY, lines, plain, sealed
 
 from sysid_bench.effects import effect_class

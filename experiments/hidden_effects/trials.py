@@ -26,9 +26,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from attempt import attempt
-from draw import STRATA
 from judge import judge
 from tally import by_name, by_strength, coverage, csv, table
+from trial import STRATA
 
 KEY = ("stratum", "kind", "seed")
 
