@@ -22,6 +22,8 @@ from sysid_bench.gap.problem import Point
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
 
+# Of the cost, by which a step on the force must lower it: a friction smoothed too steeply lies on a plateau.
+TIGHT = 1e-5
 CLOSE = 20.0  # of the price: explanations that differ by less are as good
 MOST_DAMPED = 0.7  # damping ratio from which a hidden mass is no mode
 
@@ -51,7 +53,9 @@ def refine(problem: ForceProblem, base: Fit, candidate: Candidate, iterations: i
     thetas = [base.point.theta, candidate.theta, np.zeros_like(base.point.theta)]
     choices = [Point(np.asarray(theta, dtype=float), effects, base.point.starts) for theta in thetas]
     start = best_start(problem, choices)
-    found = fit(problem, start[1], free_parameters(effects), iterations) if start is not None else None
+    if start is None:
+        return None
+    found = fit(problem, start[1], free_parameters(effects), iterations, TIGHT)
     if found is None or _swings_not(found.point.effects[-1]):
         return None
     return Contender(found, candidate, held_out_cost(problem, found))
