@@ -41,11 +41,12 @@ CORES, CELLS, PRICE = 1000, 10**6, 0.05  # price: of a core for an hour, in the 
 
 @dataclass(frozen=True)
 class Used:
-    """Of one process: wall s, processor s of its own, MiB at most."""
+    """Of one process: wall s, processor s of its own, MiB at most; processor s of each of its workers."""
 
     wall: float
     own: float
     peak: float
+    workers: tuple[float, ...] = ()
 
 
 def make_plugin(folder: Path) -> None:
@@ -72,11 +73,24 @@ def sweep(folder: Path, *words: str) -> Used:
     start = time.perf_counter()
     process = subprocess.Popen(command, cwd=folder, env=environment(folder), stdout=subprocess.DEVNULL)
     own = peak = 0.0
+    workers: dict[int, float] = {}
     while process.poll() is None:
         own, peak = max(own, own_seconds(process.pid)), max(peak, peak_mib(process.pid))
+        workers |= {pid: own_seconds(pid) or workers.get(pid, 0.0) for pid in workers_of(process.pid)}
         time.sleep(0.02)
     assert process.returncode == 0
-    return Used(time.perf_counter() - start, own, peak)
+    return Used(time.perf_counter() - start, own, peak, tuple(workers.values()))
+
+
+def workers_of(pid: int) -> list[int]:
+    """Worker processes of a sweep: children that multiprocessing spawned to work, not to keep books."""
+    try:
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        return [
+            int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()
+        ]
+    except OSError:
+        return []
 
 
 def environment(folder: Path) -> dict[str, str]:
@@ -160,18 +174,28 @@ def through_dask(folder: Path, cells: int) -> tuple[float, float]:
 
 
 def scaling(folder: Path) -> float:
-    """Prints wall time of a real study with one and two workers; returns the processor s of one of its cells."""
+    """Prints how the processor time of a real study parts over one and two workers, and their wall time; returns
+    the processor s of one of its cells.
+
+    On a machine with other work the wall tells of that work. What binds on free cores is the busiest process: so the
+    ratio of the busiest workers is the speed-up that two free cores give.
+    """
     words = ["experiment=reference/paired", "study.repetitions=8", "records=none"]
-    used = {n: sweep(folder, *words, f"executor.workers={n}", f"results_dir=w{n}").wall for n in (1, 2)}
+    runs = {n: sweep(folder, *words, f"executor.workers={n}", f"results_dir=w{n}") for n in (1, 2)}
     cells = 8 * 3 * 9
+    for n, used in runs.items():
+        shares = " and ".join(f"{seconds:.1f}" for seconds in used.workers)
+        print(
+            f"{cells} real cells over {n} worker(s): {shares} s of processor time in the workers, {used.own:.1f} in the parent; "
+            f"{used.wall:.1f} s of wall at load {os.getloadavg()[0]:.1f}"
+        )
+    gain = max(runs[1].workers) / max(runs[2].workers)
+    print(f"the busiest of two workers has 1/{gain:.2f} of the work of one")
     one = sweep(
         folder, *words[:1], "study.repetitions=1", "records=none", "executor=serial", "results_dir=s1"
     )
     many = sweep(folder, *words, "executor=serial", "results_dir=s8")
     each = (many.own - one.own) / (cells * 7 / 8)
-    print(
-        f"{cells} real cells: {used[1]:.1f} s with one worker, {used[2]:.1f} s with two ({used[1] / used[2]:.2f} x)"
-    )
     print(f"a real cell (mean over the methods of reference/paired): {1e3 * each:.0f} ms of processor time")
     return each
 
