@@ -34,7 +34,11 @@ LONGEST_S = 2.0  # of processor time: a busy machine is no hang
 
 
 @pytest.fixture(scope="module", autouse=True)
-def count_printed(pytestconfig):
+def count_printed(pytestconfig, tmp_path_factory):
+    for suffix, reader in READERS.items():  # imports are no reader's time
+        folder = tmp_path_factory.mktemp("sound")
+        original(folder, suffix)
+        reader(folder / f"whole{suffix}")
     yield
     with pytestconfig.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
         print(f"\nhostile inputs tried: {dict(sorted(tried.items()))}, {sum(tried.values())} in all")
