@@ -47,15 +47,15 @@ def emulator(
         yield bus
     finally:
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
 
 
-def finish(process: subprocess.Popen, timeout: float = 90) -> tuple[int, str, str]:
+def finish(process: subprocess.Popen, timeout: float = 180) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=timeout)
     return process.returncode, out, err
 
 
-def measure(bus: str, out: Path, *words: str, timeout: float = 90) -> tuple[int, str, str]:
+def measure(bus: str, out: Path, *words: str, timeout: float = 180) -> tuple[int, str, str]:
     return finish(start("measure", bus, f"out={out}", *words), timeout)
 
 
@@ -82,7 +82,7 @@ def faults(*nodes: dict) -> str:
     return "faults=" + json.dumps(list(nodes)).replace('"', "").replace(" ", "")
 
 
-def wait_for(path: Path, size: int, seconds: float = 40.0) -> None:
+def wait_for(path: Path, size: int, seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not (path.exists() and path.stat().st_size > size):
         assert time.monotonic() < end, f"{path} did not grow"
