@@ -122,36 +122,50 @@ def find_gap(
     nominal_rho = _nominal_rho(problem)
     tell(f"other M, D, K leave {linear.rho:.4g} times")
     catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
-    story = _chosen(problem, linear, catalogue, rules, tell)
-    lower = _lower_floor(problem, story.fit, check)
-    if (
-        lower is not None and not problem.budget.spent
-    ):  # what is left shows the noise better than the record did: judged again by it
-        problem, linear = lower, linear_fit(lower) or linear
-        nominal_rho = _nominal_rho(problem)
-        story = _chosen(problem, linear, catalogue, rules, tell)
-    if problem.budget.spent:
-        tell(
-            "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
-        )
+    problem, linear, story = _searched(problem, linear, check, catalogue, rules, tell)
+    nominal_rho = _nominal_rho(problem)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
     last = _final_screen(problem, story, catalogue) if power else None
     judged = _on_the_force(problem, linear, given, better, test) if problem.on_force else None
-    if judged is None:
-        fine = finer(problem, story.fit.point).fineness
-        before, after = ([prove(m, r, fineness=fine) for r in test] for m in (given, better))
-    else:  # a drifting position tells little of a phase: it is known from the force
-        before, after = (
-            [prove(j.model, r, frozenset()) for j, r in zip(judged[which], test)]
-            for which in ("given", "better")
-        )
+    before, after = _proofs(problem, story, (given, better), test, judged)
     floor = np.mean([t.variance for t in problem.traces], axis=0)
     return Answer(
         verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, floor_found, judged,
     )  # fmt: skip
+
+
+def _searched(
+    problem: Problem, linear: Fit, check: DataCheck, catalogue, rules: Rules, tell
+) -> tuple[Problem, Fit, Story]:
+    """The story; told anew where what is left shows the noise better than the record did."""
+    story = _chosen(problem, linear, catalogue, rules, tell)
+    lower = _lower_floor(problem, story.fit, check)
+    if lower is not None and not problem.budget.spent:
+        problem, linear = lower, linear_fit(lower) or linear
+        story = _chosen(problem, linear, catalogue, rules, tell)
+    if problem.budget.spent:
+        tell(
+            "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
+        )
+    return problem, linear, story
+
+
+def _proofs(
+    problem: Problem, story: Story, models: tuple[Model, Model], test: list[Record], judged
+) -> tuple[list[Proof], list[Proof]]:
+    """Free runs over the test records of the model as given and of the better one."""
+    if judged is None:
+        fine = finer(problem, story.fit.point).fineness
+        before, after = ([prove(model, r, fineness=fine) for r in test] for model in models)
+        return before, after
+    # a drifting position tells little of a phase: it is known from the force
+    before, after = (
+        [prove(j.model, r, frozenset()) for j, r in zip(judged[which], test)] for which in ("given", "better")
+    )
+    return before, after
 
 
 def _chosen(problem: Problem, linear: Fit, catalogue, rules: Rules, tell) -> Story:
