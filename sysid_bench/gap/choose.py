@@ -242,7 +242,7 @@ def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules
             if one.fit.rho < rules.enough:
                 break
     nearest = min((c.fit.rho for c in contenders), default=1.0)
-    for one in [c for c in contenders if 1.02 < c.fit.rho < NEAR * nearest]:
+    for one in [c for c in contenders if c.fit.rho < NEAR * nearest]:
         contenders += kindred(arena, one, set())
     contenders.sort(key=lambda c: c.cost)
     best = cheapest(contenders, linear_gap, rules.practical)

@@ -18,6 +18,7 @@ DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 # A richer law must gain this share of the linear gap over its own special case, and this share of what it leaves.
 RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
 CLOSED = 1.15  # rho from which a fit may have missed its valley
+SHUT = 1.02  # rho below which a fit leaves nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,13 +158,16 @@ def _led(arena: Arena, choices: list[Point], free, iterations: int) -> Fit | Non
 
 
 def kindred(arena: Arena, one: Contender, known: set, iterations: int = 10) -> list[Contender]:
-    """Other frictions in place of a friction that was fitted, each from the best of a few starts."""
+    """Other frictions in place of a friction that was fitted, each from the best of a few starts.
+
+    Where the gap is closed, only the simpler and the richer law of the same sliding friction can still matter.
+    """
     effect = one.effect
     if effect.name not in FRICTION or arena.problem.budget.spent:
         return []
     out, point = [], one.fit.point
     for name, starts in relatives(arena.problem, one.fit, effect).items():
-        if (name, effect.dof) in known or (one.fit.rho < 1.02 and name != "stribeck_friction"):
+        if (name, effect.dof) in known or (one.fit.rho < SHUT and name == "presliding_friction"):
             continue
         choices = [replace(point, effects=(*point.effects[:-1], other)) for other in starts]
         found = _descended(arena, choices, one.fit.rho, iterations)
