@@ -61,7 +61,7 @@ def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Arra
 
 def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
     """(N, len(effects)) forces of some effects at one place along a given motion of it; one kind with memory is one loop."""
-    out = np.empty((len(x), len(effects)))
+    out = np.empty((len(effects), len(x))).T  # each column contiguous
     with_memory: dict[tuple, list[int]] = {}
     for k, effect in enumerate(effects):
         if effect.states:
