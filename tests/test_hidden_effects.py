@@ -43,6 +43,25 @@ def test_the_engine_agrees_with_radau():
     assert np.abs(Q - true).max() < 1e-4 * np.abs(true).max()
 
 
+def test_play_in_the_engine_does_not_lag_by_its_steps():
+    """Play that follows only at the end of a step lags by half of it: a damping that no interval of a fit would hold."""
+    from engine import PLAY, fine_input, integrate
+
+    h, N = 0.05, 400
+    u = 2 * np.sin(0.9 * h * np.arange(N))[:, None]
+
+    def moved(small):
+        place, P = np.array([[1.0]]), np.array([[0.7, 0.5, 0, 0, 0, 0]])
+        fine = fine_input(u, h, "foh", small)
+        M, D = np.eye(1), 0.15 * np.eye(1)
+        return integrate(
+            M, D, np.eye(1), fine, h, small, False, np.array([PLAY]), place, P, *np.zeros((2, 1))
+        )[0]
+
+    true = moved(400)
+    assert np.abs(moved(12) - true).max() < 1e-4 * np.abs(true).max()
+
+
 def test_a_held_input_is_delayed_by_the_delay_itself():
     """What has arrived by any time is what was sent a delay earlier, however the delay lies to the small steps."""
     from engine import fine_input
@@ -61,6 +80,14 @@ def test_intervals_are_asked_of_the_true_structure_alone():
 
     found = list(errors("sensor_bias", "one", 3006))
     assert [key for key, _ in found] == ["bias"] and abs(found[0][1]) < 4
+
+
+def test_intervals_of_a_friction_hold_for_another_rounding_than_the_fitted_one():
+    """The engine rounds its sign by a square root, the catalogue by a tanh: by noise alone they differ 14 standard errors."""
+    from coverage import errors
+
+    assert all(abs(z) < 3 for _, z in errors("coulomb_friction", "one", 3302))
+    assert list(errors("coulomb_friction", "one", 3302))
 
 
 def names():

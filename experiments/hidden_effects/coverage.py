@@ -25,7 +25,9 @@ from tally import markdown, share
 
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.descent import Fit, fit, free_parameters
+from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.problem import Problem
+from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.workflow import prepared
 
 TUNING = 5000
@@ -41,7 +43,10 @@ def errors(name: str, size: str, seed: int) -> Iterator[tuple[str, float]]:
     train, _ = records_of(trial)
     problem, _, _ = prepared(train, model_of(trial), check_data(train))
     found = fit(problem, replace(problem.nominal(), effects=(effect,)), free_parameters((effect,)))
-    if found is None or found.covariance is None:
+    if found is None:
+        return
+    found = for_any_rounding(*on_finer_steps(problem, found))
+    if found.covariance is None:
         return
     for key, value, std in fitted(problem, found):
         if key in true["values"] and key not in NOT_COMPARED and std > 0:

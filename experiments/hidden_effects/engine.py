@@ -83,6 +83,12 @@ def state_rate(kind, p, x, v, z):
 
 
 @nb.njit(cache=True)
+def _played(z, x, gap):
+    """Play of half-width gap, from z, once its place has moved to x: also within a step, or it would lag by half of one."""
+    return min(max(z, x - gap), x + gap)
+
+
+@nb.njit(cache=True)
 def _rates(n, q, v, z, w, t, inverse, D, K, kinds, places, P, a, dz):
     f = np.empty(n)
     for i in range(n):
@@ -95,7 +101,8 @@ def _rates(n, q, v, z, w, t, inverse, D, K, kinds, places, P, a, dz):
         for i in range(n):
             x += places[e, i] * q[i]
             s += places[e, i] * v[i]
-        g = force(kinds[e], P[e], x, s, z[e], t)
+        inner = _played(z[e], x, P[e, 1]) if kinds[e] == PLAY else z[e]
+        g = force(kinds[e], P[e], x, s, inner, t)
         dz[e] = state_rate(kinds[e], P[e], x, s, z[e])
         for i in range(n):
             f[i] -= places[e, i] * g
@@ -139,8 +146,7 @@ def _advance(n, q, v, z, w0, w1, w2, t, d, inverse, D, K, kinds, places, P, work
     for e in range(len(kinds)):
         z[e] += d / 6 * (rate[0, e] + 2 * rate[1, e] + 2 * rate[2, e] + rate[3, e])
         if kinds[e] == PLAY:
-            x = places[e] @ q
-            z[e] = min(max(z[e], x - P[e, 1]), x + P[e, 1])
+            z[e] = _played(z[e], places[e] @ q, P[e, 1])
     return q, v
 
 

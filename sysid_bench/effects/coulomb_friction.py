@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -22,6 +23,8 @@ class CoulombFriction(Effect):
         "speed": Knob("m/s", NOT_NEGATIVE),
     }
 
+    sign: ClassVar[Callable] = staticmethod(ca.tanh)  # how the step is rounded
+
     dof: int | tuple[int, int] | None = 0
     force: float = 1.0
     speed: float = 0.0
@@ -31,4 +34,4 @@ class CoulombFriction(Effect):
 
     def law(self, at: At, p):
         sticking = 1e-3 * at.mobility * p.force
-        return p.force * ca.tanh(at.v / (p.speed + sticking + 1e-300)), []
+        return p.force * self.sign(at.v / (p.speed + sticking + 1e-300)), []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -22,6 +23,8 @@ class LoadDependentFriction(Effect):
         "speed": Knob("m/s", NOT_NEGATIVE),
     }
 
+    sign: ClassVar[Callable] = staticmethod(ca.tanh)  # how the step is rounded
+
     dof: int | tuple[int, int] | None = 0
     coefficient: float = 1.0
     speed: float = 0.0
@@ -31,4 +34,4 @@ class LoadDependentFriction(Effect):
 
     def law(self, at: At, p):
         level = p.coefficient * ca.fabs(at.x)
-        return level * ca.tanh(at.v / (p.speed + 1e-3 * at.mobility * level + 1e-12)), []
+        return level * self.sign(at.v / (p.speed + 1e-3 * at.mobility * level + 1e-12)), []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -23,6 +24,8 @@ class StribeckFriction(Effect):
         "stribeck_speed": Knob("m/s", POSITIVE),
         "speed": Knob("m/s", NOT_NEGATIVE),
     }
+
+    sign: ClassVar[Callable] = staticmethod(ca.tanh)  # how the step is rounded
 
     dof: int | tuple[int, int] | None = 0
     force: float = 1.0
@@ -50,4 +53,4 @@ class StribeckFriction(Effect):
     def law(self, at: At, p):
         sticking = 1e-3 * at.mobility * (p.force + ca.fabs(p.static_force))
         level = p.force + (p.static_force - p.force) * ca.exp(-((at.v / p.stribeck_speed) ** 2))
-        return level * ca.tanh(at.v / (p.speed + sticking + 1e-300)), []
+        return level * self.sign(at.v / (p.speed + sticking + 1e-300)), []

@@ -7,27 +7,32 @@ earn its place; what became unnecessary is dropped.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from sysid_bench.gap.again import is_it, pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.contend import (
     CLOSED,
     Arena,
     Contender,
+    best_start,
     cheapest,
     kindred,
     price,
     refine,
-    shape_count,
+    subset,
 )
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.finalists import polished_screen, shortlist
+from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.problem import Problem, evaluate
+from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
@@ -36,10 +41,13 @@ UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not e
 BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 PAIRS = 3  # fitted by simulation
 NEAR = 1.5  # times the best pair's rho: other frictions are tried in place of one in such a pair
+LIKE = 1.2  # times what a pair leaves that closes the gap: the screen does not tell them apart
 FAR = (
     1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
 )
 NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
+KEPT = 0.4  # of the budget, for pairs and later effects
+SEEN = 1.5  # rho from which even such a share is looked into, beside a single effect
 CLEAR = 3.0  # rho of a refit that leaves a gap nobody overlooks
 STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
 CLEAN = 1.2  # rho at which an explanation is complete
@@ -184,7 +192,9 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     """The story of the missing effects. Pure: nothing but its arguments decides."""
     rules = rules or Rules()
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
+    problem.budget.keep(KEPT)
     first = _first_look(problem, linear, catalogue, rules, linear_gap)
+    problem.budget.keep(0.0)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
     shape = first.chosen
     if shape is None or not shape.is_decoy or (shape.fit.rss - len(shape.fit.rows)) < UNCLEAN * linear_gap:
@@ -202,9 +212,7 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
     linear, R = story.linear, len(story.linear.rows)
     linear_gap = max(linear.rss - R, 1.0)
     for k in range(rules.most):
-        left = story.fit.rho - 1
-        closed = left < max(rules.enough - 1, NEGLIGIBLE * (linear.rho - 1))
-        if k > 0 and (closed or problem.budget.spent):
+        if k > 0 and (_closed(story.fit, linear, k, rules) or problem.budget.spent):
             break
         if k == 0:
             round_ = first
@@ -223,16 +231,31 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
             break
         problem, story.fit = on_finer_steps(problem, story.fit)
         if k > 0:
-            story.fit = _reconsidered(problem, story.fit, catalogue, rules, linear_gap)
-            story.fit = _pruned(problem, story.fit, rules)
+            others = partial(_others, problem, catalogue)
+            story.fit = reconsidered(problem, story.fit, partial(price, problem), 0.1, others)
+            story.fit = pruned(problem, story.fit, _needless)
+    story.fit = for_any_rounding(problem, story.fit)
     return story
+
+
+def _closed(now: Fit, linear: Fit, found: int, rules: Rules) -> bool:
+    """True where nothing further is looked for beside so many found effects.
+
+    Beside one alone a small share of a large gap may still be a second effect, which then must close it.
+    """
+    seen = SEEN if found == 1 else np.inf
+    return now.rho - 1 < max(rules.enough - 1, min(NEGLIGIBLE * (linear.rho - 1), seen - 1))
 
 
 def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules: Rules) -> Round | None:
     """A second look that takes two effects at once; None where no pair closes the gap."""
     linear, base = story.linear, story.fit
     arena, contenders = Arena(problem, linear, leads(problem, first.screen.seens)), []
+    closing = np.inf  # energy that the screen leaves of a pair that closes the gap
     for pair in pairs(problem, first.screen, PAIRS):
+        remains = first.screen.left - pair.polished.explained
+        if remains > LIKE * closing:
+            continue
         candidate = Candidate(
             pair.effects[1], pair.polished.explained, pair.score, np.zeros(0), pair.polished.theta, False
         )
@@ -240,53 +263,40 @@ def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules
         if one is not None:
             contenders.append(one)
             if one.fit.rho < rules.enough:
-                break
+                closing = min(closing, remains)
     nearest = min((c.fit.rho for c in contenders), default=1.0)
     for one in [c for c in contenders if c.fit.rho < NEAR * nearest]:
         contenders += kindred(arena, one, set())
     contenders.sort(key=lambda c: c.cost)
     best = cheapest(contenders, linear_gap, rules.practical)
-    if best is None or best.fit.rho > CLEAN:
+    if best is None or best.fit.rho - 1 > max(CLEAN - 1, NEGLIGIBLE * (linear.rho - 1)):
         return None
     return Round(first.screen, contenders, base, best)
 
 
-def _reconsidered(problem: Problem, now: Fit, catalogue, rules: Rules, linear_gap: float) -> Fit:
-    """Name each earlier effect again, given the others."""
-    for k in range(len(problem.model.effects), len(now.point.effects) - 1):
-        effects = now.point.effects
-        if problem.budget.spent:
-            break
-        rest = tuple(x for i, x in enumerate(effects) if i != k)
-        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
-        if without is None or without.rss - now.rss < 25:
-            continue
-        screened = screen(problem, without, catalogue)
-        # what closes the gap already is renamed only by a name whose own descent finds as much
-        best, closed = price(problem, now), now.rho < 1.1
-        arena = Arena(problem, without, leads(problem, screened.seens), closed=closed)
-        for candidate in shortlist(polished_screen(problem, screened), 4):
-            if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
-                continue
+def _others(problem: Problem, catalogue, without: Fit, now: Fit, effect: Effect) -> Iterator[Contender]:
+    """What may stand in the place of an effect. What closes the gap is renamed only by a name whose own descent finds as much."""
+    yield from _simpler(problem, now, effect)
+    screened = screen(problem, without, catalogue)
+    arena = Arena(problem, without, leads(problem, screened.seens), closed=now.rho < 1.1)
+    for candidate in shortlist(polished_screen(problem, screened), 4):
+        if not is_it(candidate, effect):
             other = refine(arena, candidate, screened.promise(candidate.explained), iterations=8)
-            if other is None:
-                continue
-            margin = max(20, 0.1 * (now.rss - len(now.rows)))
-            simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
-            if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
-                now, best = other.fit, other.cost
-    return now
+            if other is not None:
+                yield other
 
 
-def _pruned(problem: Problem, now: Fit, rules: Rules) -> Fit:
-    """Drop effects that the others have made unnecessary."""
-    base = len(problem.model.effects)
-    for effect in now.point.effects[base:]:
-        lone = len(now.point.effects) < base + 2
-        if lone or effect not in now.point.effects or problem.budget.spent:
-            continue
-        rest = tuple(x for x in now.point.effects if x is not effect)
-        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
-        if without is not None and without.rss - now.rss < max(25, 0.3 * max(now.rss - len(now.rows), 0)):
-            now = without
-    return now
+def _needless(without: Fit, now: Fit) -> bool:
+    return without.rss - now.rss < max(25, 0.3 * max(now.rss - len(now.rows), 0))
+
+
+def _simpler(problem: Problem, now: Fit, effect: Effect) -> Iterator[Contender]:
+    """Simpler frictions in the place of a friction: it was named while the later effects were not known."""
+    rest = tuple(x for x in now.point.effects if x is not effect)
+    for starts in relatives(problem, now, effect).values() if effect.name in FRICTION else ():
+        choices = [replace(now.point, effects=(*rest, one)) for one in starts if subset(one, effect)]
+        start = best_start(problem, choices)
+        found = fit(problem, start[1], free_parameters(start[1].effects), 12) if start is not None else None
+        if found is not None:
+            as_it_is = Candidate(found.point.effects[-1], 0.0, 0.0, np.zeros(0), found.point.theta, False)
+            yield Contender(found, as_it_is, price(problem, found))

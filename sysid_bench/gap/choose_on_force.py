@@ -6,10 +6,13 @@ explanations that they find as good the simplest name is kept.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from sysid_bench.gap.again import is_it, pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.choose import BATCHES, UNCLEAN, as_promised
 from sysid_bench.gap.contend import DECOY_NAMES, Contender, best_start, shape_count, subset
@@ -141,45 +144,21 @@ def _told(problem: ForceProblem, story: Story, first: Round, catalogue, rules: R
         if chosen.is_decoy:
             break
         if k > 0:
-            story.fit = _reconsidered(problem, story.fit, catalogue, rules)
-            story.fit = _pruned(problem, story.fit, rules)
+            cost, others = partial(held_out_cost, problem), partial(_others, problem, catalogue)
+            story.fit = reconsidered(problem, story.fit, cost, 2 * rules.practical, others)
+            story.fit = pruned(
+                problem,
+                story.fit,
+                lambda without, now: not earns_on_force(problem, without, now, rules.practical),
+            )
     return story
 
 
-def _reconsidered(problem: ForceProblem, now: Fit, catalogue, rules: Rules) -> Fit:
-    """Name each earlier effect again, given the others."""
-    for k in range(len(problem.model.effects), len(now.point.effects) - 1):
-        effects = now.point.effects
-        rest = tuple(x for i, x in enumerate(effects) if i != k)
-        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
-        if without is None or without.rss - now.rss < 25:
-            continue
-        rank = _rank(now, effects[k])
-        screened = screen_on_force(problem, without, catalogue)
-        best = held_out_cost(problem, now)
-        for candidate in shortlist(screened, 4):
-            if candidate.effect.name == effects[k].name and candidate.place == effects[k].dof:
-                continue
+def _others(problem: ForceProblem, catalogue, without: Fit, now: Fit, effect: Effect) -> Iterator[Contender]:
+    """What may stand in the place of an effect: nothing richer, for on a machine a richer shape always gains a little."""
+    rank = _rank(now, effect)
+    for candidate in shortlist(screen_on_force(problem, without, catalogue), 4):
+        if not is_it(candidate, effect):
             other = refine(problem, without, candidate, iterations=8)
-            if other is None:
-                continue
-            margin = max(20, 2 * rules.practical * (now.rss - len(now.rows)))
-            if _rank(other.fit, other.effect) > rank:
-                continue  # on a machine a richer shape always gains a little
-            simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
-            if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
-                now, best = other.fit, other.cost
-    return now
-
-
-def _pruned(problem: ForceProblem, now: Fit, rules: Rules) -> Fit:
-    """Drop effects that the others have made unnecessary."""
-    base = len(problem.model.effects)
-    for effect in now.point.effects[base:]:
-        if len(now.point.effects) < base + 2 or effect not in now.point.effects:
-            continue
-        rest = tuple(x for x in now.point.effects if x is not effect)
-        without = fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
-        if without is not None and not earns_on_force(problem, without, now, rules.practical):
-            now = without
-    return now
+            if other is not None and _rank(other.fit, other.effect) <= rank:
+                yield other

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from sysid_bench.gap.candidates import Candidate, Screen, beside
 from sysid_bench.gap.descent import free_parameters
-from sysid_bench.gap.polish import Polished, polish, polishable, rows_of
+from sysid_bench.gap.polish import Polished, drives, polish, polishable, rows_of
 from sysid_bench.gap.problem import Problem
 from sysid_bench.mechanics.effect import Effect
 
@@ -41,7 +41,7 @@ def pairs(problem: Problem, screened: Screen, most: int) -> list[Pair]:
             if any(_same(p.effects, (first.effect, second.effect)) for p in found):
                 continue
             together = polish(problem, screened, (first.effect, second.effect), iterations=4)
-            if together is not None:
+            if together is not None and drives(problem, together.effects):
                 price = first.explained - first.score + second.explained - second.score
                 found.append(Pair(together.effects, together, together.explained - price))
     found.sort(key=lambda p: -p.score)

@@ -17,10 +17,14 @@ from sysid_bench.gap.columns import actuated_difference, force_columns, mode_col
 from sysid_bench.gap.descent import free_parameters
 from sysid_bench.gap.motion import Seen, forces_along
 from sysid_bench.gap.problem import Point, Problem
+from sysid_bench.mechanics.assembly import effect_channels
 from sysid_bench.mechanics.effect import POSITIVE, Effect, direction
 from sysid_bench.nouns import Array
 
 LONGEST_STEP = 0.7  # of a logarithm
+DRIVEN = (
+    0.3  # of the input that must arrive: a drive that passes less moves nothing, and no record is taken so
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,21 @@ class Polished:
 def polishable(effect: Effect) -> bool:
     """True where the response to the effect along a known motion depends on its parameters in a curved way."""
     return effect.path in ("force", "actuator") or effect.name == "extra_mode"
+
+
+def drives(problem: Problem, effects: tuple[Effect, ...]) -> bool:
+    """True where the input still arrives after the actuator effects.
+
+    Where a motion is far from linear, taking the input away altogether explains most of what a linear model misses.
+    """
+    L, trace = problem.model.input_map, problem.traces[0]
+    for effect in effects:
+        if effect.path == "actuator":
+            channels, stages = effect_channels(effect, L), trace.stages(1)
+            arrived, _ = effect.act(stages, trace.h, channels, None)
+            if arrived[:, :, channels].std() < DRIVEN * stages[:, :, channels].std():
+                return False
+    return True
 
 
 def polish(
@@ -79,7 +98,7 @@ def polished_candidate(problem: Problem, screened: Screen, candidate: Candidate)
         return candidate
     found = polish(problem, screened, (candidate.effect,))
     least = 0.8 if candidate.effect.path == "actuator" else 1.0
-    if found is None or found.explained < least * candidate.explained:
+    if found is None or found.explained < least * candidate.explained or not drives(problem, found.effects):
         return candidate
     gain = found.explained - candidate.explained
     return replace(

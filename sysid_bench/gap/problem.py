@@ -37,10 +37,15 @@ class Budget:
     """
 
     left: float = np.inf
+    kept: float = 0.0  # for later: what comes now ends here
 
     @property
     def spent(self) -> bool:
-        return self.left <= 0
+        return self.left <= self.kept
+
+    def keep(self, share: float) -> None:
+        """Keep a share of what is left for later; 0 sets free what was kept."""
+        self.kept = share * self.left if share and np.isfinite(self.left) else 0.0
 
     def run(self, runs: tuple[Trajectory, ...]) -> None:
         self.left -= RUN_US * sum(len(one.X) for one in runs)

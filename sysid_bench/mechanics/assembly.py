@@ -85,7 +85,10 @@ def hidden_start(assembly: Assembly, x0: Array) -> Array:
 
 def measured(assembly: Assembly, output: str, q: Array, v: Array, a: Array, t: Array) -> Array:
     """(N, ny) what the sensors show, sensor and timing effects included."""
-    y = {"displacement": q, "velocity": v, "acceleration": a}[output] @ assembly.C.T
+    with np.errstate(
+        invalid="ignore", over="ignore"
+    ):  # a motion that left every bound is refused where it is judged
+        y = {"displacement": q, "velocity": v, "acceleration": a}[output] @ assembly.C.T
     for effect in assembly.sensors:
         y = effect.sense(y, t, sensor_channels(effect, assembly))
     return y

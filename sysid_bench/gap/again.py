@@ -1,0 +1,64 @@
+"""several effects found -> each earlier one named again beside the later ones, and what became unnecessary dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+from sysid_bench.gap.candidates import Candidate
+from sysid_bench.gap.contend import Contender, shape_count
+from sysid_bench.gap.descent import Fit, fit, free_parameters
+from sysid_bench.gap.problem import Problem
+from sysid_bench.mechanics.effect import Effect
+
+LOST = 25.0  # energy that an effect must explain to be looked at again
+
+
+def reconsidered(
+    problem: Problem,
+    now: Fit,
+    cost: Callable[[Fit], float],
+    share: float,
+    others: Callable[[Fit, Fit, Effect], Iterable[Contender]],
+) -> Fit:
+    """Name each earlier effect again, given the later ones.
+
+    others(without, now, effect): what may stand in its place; share: of what is left, by which another name must win
+    """
+    for k in range(len(problem.model.effects), len(now.point.effects) - 1):
+        effect = now.point.effects[k]
+        if problem.budget.spent:
+            break
+        without = _without(problem, now, effect)
+        if without is None or without.rss - now.rss < LOST:
+            continue
+        best = cost(now)
+        for other in others(without, now, effect):
+            margin = max(20, share * (now.rss - len(now.rows)))
+            simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
+            if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
+                now, best = other.fit, other.cost
+    return now
+
+
+def pruned(problem: Problem, now: Fit, needless: Callable[[Fit, Fit], bool]) -> Fit:
+    """Drop effects that the others have made unnecessary: those whose fit without them is needless(without, now)."""
+    base = len(problem.model.effects)
+    for effect in now.point.effects[base:]:
+        lone = len(now.point.effects) < base + 2
+        if lone or effect not in now.point.effects or problem.budget.spent:
+            continue
+        without = _without(problem, now, effect)
+        if without is not None and needless(without, now):
+            now = without
+    return now
+
+
+def is_it(candidate: Candidate, effect: Effect) -> bool:
+    """True where a candidate is that effect at that place."""
+    return candidate.effect.name == effect.name and candidate.place == effect.dof
+
+
+def _without(problem: Problem, now: Fit, effect: Effect) -> Fit | None:
+    rest = tuple(x for x in now.point.effects if x is not effect)
+    return fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
