@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,14 @@ def test_wrong_parameters_are_said_so_and_put_right(draw):
     answer = find_gap(records[:1], records[1:], model)
     assert answer.verdict.word == "parameters"
     assert answer.gap_after < 1.1 * answer.floor
+
+
+def test_a_better_model_that_is_worse_on_the_test_records_is_said_so(draw):
+    records, model, _ = case(draw, 12, kind="single", name="cubic_stiffness")
+    answer = find_gap(records[:1], records[1:], model)
+    assert "grew" not in answer.reason
+    worse = replace(answer, before=answer.after, after=answer.before)
+    assert worse.reason.startswith(answer.verdict.reason) and "the gap grew from" in worse.reason
 
 
 def test_lost_samples_change_nothing(draw):

@@ -11,10 +11,11 @@ from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
 from sysid_bench.gap.contend import Arena, at_rest, refine
 from sysid_bench.gap.descent import fit, free_parameters
+from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.polish import polished_candidate
-from sysid_bench.gap.problem import Point, evaluate
+from sysid_bench.gap.polish import drives, polished_candidate
+from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.traces import banded, trace_of
@@ -105,3 +106,22 @@ def test_whitened_noise_has_unit_variance_at_zero_frequency_too():
         trace = banded(trace, Floor(np.ones(1), np.zeros(1)), 5.0)
         means.append(trace.rows(trace.spectrum(noise))[0])
     assert np.var(means) == pytest.approx(1.0, rel=0.25)
+
+
+def test_a_drive_that_passes_nothing_takes_no_pairs_place(draw):
+    """Two strong springs: a saturation that takes the input away explains more of the linear gap than either."""
+    problem, _, screened, truth = problem_and_screen(draw, 3129, size="one", kind="double")
+    screened = polished_screen(problem, screened)
+    assert all(drives(problem, (c.effect,)) for c in screened.candidates)
+    assert not drives(problem, (effect_class("saturation")(0, limit=0.1),))
+    best = pairs(problem, screened, 1)[0]
+    assert {e.name for e in best.effects} == {x["name"] for x in truth}
+
+
+def test_a_budget_keeps_a_share_for_later():
+    budget = Budget(10.0)
+    budget.keep(0.4)
+    budget.left -= 7.0
+    assert budget.spent
+    budget.keep(0.0)
+    assert not budget.spent and not Budget().spent

@@ -36,7 +36,7 @@ def gap_values(
     effect = answer.verdict.word == "effect"
     return {
         "verdict": answer.verdict.word,
-        "reason": answer.verdict.reason,
+        "reason": answer.reason,
         "effects": [effect_values(answer, e) for e in answer.added if e.name not in DECOY_NAMES] if effect else [],
         "description": description(answer) if answer.verdict.word == "unknown" else None,
         "experiment": experiment_values(settled),

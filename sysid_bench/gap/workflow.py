@@ -34,6 +34,7 @@ from sysid_bench.mechanics.effect import Effect
 from sysid_bench.mechanics.tangents import tangents
 from sysid_bench.nouns import Array, InputError, Model, Record
 
+GREW = 1.01  # times the gap of the model as given, from which the better one's is said to have grown
 LOWER = 0.85  # of the noise floor: from which what a fit leaves shows a lower one
 
 
@@ -73,6 +74,16 @@ class Answer:
     def gap_after(self) -> float:
         """The same of the better model."""
         return self._mean_gap(self.after, "better")
+
+    @property
+    def reason(self) -> str:
+        """The verdict's reason; where a better model makes the test records worse, that too."""
+        if self.verdict.word not in ("effect", "parameters") or self.gap_after <= GREW * self.gap_before:
+            return self.verdict.reason
+        return (
+            f"{self.verdict.reason}; but on the test records, which chose nothing, the gap grew from "
+            f"{100 * self.gap_before:.3g} % to {100 * self.gap_after:.3g} %: the better model is not proven"
+        )
 
     def _mean_gap(self, proofs: list[Proof], which: str) -> float:
         found = [p.gap for p in (self.judged[which] if self.judged else proofs)]
