@@ -18,6 +18,7 @@ DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 # A richer law must gain this share of the linear gap over its own special case, and this share of what it leaves.
 RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
 CLOSED = 1.15  # rho from which a fit may have missed its valley
+PLAINLY = 60.0  # of the price: a shape that closes the gap is not overruled by a name that is so far behind
 SHUT = 1.02  # rho below which a fit leaves nothing
 
 
@@ -190,7 +191,7 @@ def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -
             break
         # a shape that fits better with fewer parameters is not overruled by a name that only bends towards it
         plainer = shape_count(best.fit.point.effects) < shape_count(other.fit.point.effects)
-        near = 20.0 if plainer else max(20.0, margin / 3)
+        near = 20.0 if plainer else min(max(20.0, margin / 3), PLAINLY if best.fit.rho < CLOSED else np.inf)
         named = best.is_decoy and not other.is_decoy and behind < near
         if named or (behind < nested and not other.is_decoy and subset(other.effect, best.effect)):
             return other
