@@ -14,6 +14,7 @@ from sysid_bench.mechanics.effect import Effect, direction
 
 FRICTION = ("coulomb_friction", "stribeck_friction", "presliding_friction")
 POOL = 24  # suspects whose shapes are polished
+NEARLY = (1.0, 1.02)  # of the level: a Stribeck friction that starts as the Coulomb friction that was fitted
 PROMISING = 0.3  # of the best: what a suspect off its grid must explain to be polished
 
 
@@ -109,7 +110,9 @@ def relatives(problem: Problem, fit: Fit, effect: Effect) -> dict[str, list[Effe
     found = {
         "coulomb_friction": [coulomb(effect.dof, level, speed)],
         "stribeck_friction": [
-            stribeck(effect.dof, 0.75 * level, 1.4 * level, f * v_rms, speed) for f in (0.08, 0.2, 0.5)
+            stribeck(effect.dof, low * level, high * level, f * v_rms, speed)
+            for f in (0.08, 0.2, 0.5)
+            for low, high in ((0.75, 1.4), NEARLY)
         ],
         "presliding_friction": [presliding(effect.dof, level, level / (f * x_rms)) for f in (0.02, 0.1, 0.3)],
     }
