@@ -2,19 +2,19 @@
 
 import numpy as np
 
-from sysid_bench.mechanics.identifiability import drowned, entry_names, identifiability
+from sysid_bench.mechanics.identifiability import directions, drowned, entry_names, identifiability
 
 
 def test_a_blind_direction_is_found_whatever_the_units() -> None:
     rng = np.random.default_rng(0)
     J = rng.standard_normal((40, 3)) * [1e-6, 1.0, 1e6]
     J[:, 2] = 1e12 * J[:, 0]
-    told = identifiability(J.T @ J, entry_names(1))
+    told = identifiability(directions(J.T @ J), entry_names(1))
     assert told.rank == 2 and told.untold == ("M[0,0]", "K[0,0]")
 
 
 def test_full_rank_names_nothing() -> None:
-    told = identifiability(np.diag([1.0, 4.0, 9.0]), entry_names(1))
+    told = identifiability(directions(np.diag([1.0, 4.0, 9.0])), entry_names(1))
     assert told.rank == told.count == 3 and told.untold == () and np.isclose(told.condition, 1)
 
 

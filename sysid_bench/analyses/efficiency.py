@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from sysid_bench.mechanics.estimation import Fit, fit_problem, problem_of
 from sysid_bench.mechanics.fisher import Bound, bound_of, crlb, inverse_information
-from sysid_bench.mechanics.identifiability import entry_names, identifiability
+from sysid_bench.mechanics.identifiability import directions, entry_names, identifiability
 from sysid_bench.mechanics.likelihood import maximise
 from sysid_bench.mechanics.modal import sensitivity
 from sysid_bench.mechanics.second_order import ntheta, pack, undamped_modes, unpack
@@ -123,7 +123,7 @@ def _gain(ar: list[float]) -> float:
 
 
 def _of_search(fit: Fit) -> dict[str, float]:
-    told = identifiability(fit.maximum.H, entry_names(fit.problem.maps.n))
+    told = identifiability(directions(fit.maximum.H), entry_names(fit.problem.maps.n))
     return {
         "iterations": float(fit.maximum.iterations),
         "information_rank": float(told.rank),

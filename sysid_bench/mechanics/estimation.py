@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import LIMIT, Maximum, Parameters, Run, evaluate, maximise
+from sysid_bench.mechanics.likelihood import LIMIT, TOLERANCE, Maximum, Parameters, Run, evaluate, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.proportional import proportional_parameters, proportions
 from sysid_bench.mechanics.response import POWER, Maps
@@ -24,6 +24,7 @@ WIDEST = 2  # times the band in which the record shows a response
 SHORT = 1.02  # a band that is to be wider by less is wide enough
 BANDS = (1.0, 0.6, 0.35, 0.2)  # shares of the band to try in turn
 ENOUGH_BINS = 500  # to approach the maximum on
+NEAR = 1.0  # Newton decrement that is near enough: all bins together will gain more
 NEAR_LIMIT = 30  # iterations from there; a few are the rule
 SLACK = 0.05  # how negative an estimate may be by noise, relative
 DIM = 0.25  # of an output's power: with more noise than this, one start is not enough
@@ -154,7 +155,7 @@ def _approached(
     """
     if all(a.F == b.F for a, b in zip(sparse, full)):
         return full, theta, LIMIT
-    near = Fit(problem, sparse, _maximise(problem, sparse, theta, NEAR_LIMIT))
+    near = Fit(problem, sparse, _maximise(problem, sparse, theta, NEAR_LIMIT, NEAR))
     if not is_sound(near):
         raise Diverged("the search on few bins did not end in a plant that can exist")
     return _widened(full, full, near.maximum), near.maximum.theta, NEAR_LIMIT
@@ -196,7 +197,7 @@ def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
 
 def _data(record: Record, hold: str) -> Spectra:
     even = even_samples(record, hold)
-    return spectra(even.u, even.y, even.h, hold, record.period, even.mask)
+    return replace(spectra(even.u, even.y, even.h, hold, record.period, even.mask), note=even.note)
 
 
 def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
@@ -228,17 +229,19 @@ def _needed(run: Run, maximum: Maximum) -> int:
     return int(min(np.searchsorted(run.data.omega, EDGE_OVER_TOP_MODE * top), len(run.data.omega)))
 
 
-def _maximise(problem: Problem, runs: list[Run], theta: Array, limit: int = LIMIT) -> Maximum:
+def _maximise(
+    problem: Problem, runs: list[Run], theta: Array, limit: int = LIMIT, tolerance: float = TOLERANCE
+) -> Maximum:
     free, n = problem.free, problem.maps.n
     if problem.definite:
-        found = maximise(runs, theta, limit=limit)
+        found = maximise(runs, theta, limit=limit, tolerance=tolerance)
         if found.converged and all(np.linalg.eigvalsh(X)[0] > 0 for X in unpack(found.theta, n)):
             return found
-        return maximise(runs, factor(found.theta, n), definite_parameters(n), limit)
+        return maximise(runs, factor(found.theta, n), definite_parameters(n), limit, tolerance)
     if problem.proportional:
-        return maximise(runs, proportions(theta, n), proportional_parameters(n), limit)
+        return maximise(runs, proportions(theta, n), proportional_parameters(n), limit, tolerance)
     if free.all():
-        return maximise(runs, theta, limit=limit)
+        return maximise(runs, theta, limit=limit, tolerance=tolerance)
     T = np.eye(len(theta))[:, free]
 
     def value(phi: Array) -> Array:
@@ -246,4 +249,4 @@ def _maximise(problem: Problem, runs: list[Run], theta: Array, limit: int = LIMI
         full[free] = phi
         return full
 
-    return maximise(runs, theta[free], Parameters(value, lambda phi: T), limit)
+    return maximise(runs, theta[free], Parameters(value, lambda phi: T), limit, tolerance)

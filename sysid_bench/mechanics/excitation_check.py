@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from sysid_bench.mechanics.in_band import SMOOTH, Spectra, band_edge, noise_floor, spectra
+from sysid_bench.mechanics.in_band import SMOOTH, Spectra, band_edge, noise_floor, spectra, squared
 from sysid_bench.mechanics.samples import even_samples
 from sysid_bench.nouns import Array, NotApplicable, Record
 
@@ -66,8 +66,8 @@ def _unexcited(data: Spectra, F: int) -> list[str]:
     """Inputs without content where the plant's gain is greatest, as far as the output shows it above its noise."""
     U, Y = _tapered(data.U), _tapered(data.Y)
     inputs = uniform_filter1d(np.abs(U[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
-    outputs = uniform_filter1d(np.abs(Y[:F]) ** 2, SMOOTH, axis=0, mode="nearest")
-    seen = np.maximum(outputs - ABOVE_NOISE * noise_floor(Y), 0).sum(axis=1)
+    outputs = uniform_filter1d(squared(Y[:F]), SMOOTH, axis=0, mode="nearest")
+    seen = np.maximum(outputs - ABOVE_NOISE * noise_floor(squared(Y)), 0).sum(axis=1)
     gain = seen / np.maximum(inputs.sum(axis=1), 1e-300)
     said = []
     for k, column in enumerate(inputs.T):
@@ -88,7 +88,7 @@ def _tapered(X: Array) -> Array:
 
 
 def _aliased(data: Spectra) -> list[str]:
-    power = uniform_filter1d((np.abs(data.Y) ** 2 / noise_floor(data.Y)).mean(axis=1), SMOOTH, mode="nearest")
+    power = uniform_filter1d((data.power / noise_floor(data.power)).mean(axis=1), SMOOTH, mode="nearest")
     if power[-2 * SMOOTH :].mean() < ALIASED * power.max():
         return []
     return [
@@ -97,7 +97,7 @@ def _aliased(data: Spectra) -> list[str]:
 
 
 def _short(data: Spectra, F: int) -> list[str]:
-    power = uniform_filter1d((np.abs(data.Y[:F]) ** 2).sum(axis=1), 3, mode="nearest")
+    power = uniform_filter1d(data.power[:F].sum(axis=1), 3, mode="nearest")
     lowest = int(np.flatnonzero(power > 0.2 * power.max())[0])
     if lowest >= FEW_PERIODS:
         return []

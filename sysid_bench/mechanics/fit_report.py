@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.estimation import Fit, is_sound, unexplained
-from sysid_bench.mechanics.identifiability import Identifiability, drowned, entry_names, identifiability
+from sysid_bench.mechanics.identifiability import (
+    Identifiability,
+    directions,
+    drowned,
+    entry_names,
+    identifiability,
+)
 from sysid_bench.mechanics.proportional import proportional_names, proportional_parameters, proportions
-from sysid_bench.mechanics.samples import even_samples
 from sysid_bench.mechanics.second_order import poles
 from sysid_bench.nouns import Array, Diverged, Estimate
 
@@ -33,10 +38,8 @@ def told(fit: Fit) -> tuple[Array, Identifiability]:
     """Covariance (ntheta, ntheta): inverse information, zero rows for entries that were not free, infinite variances
     for what the record cannot tell; and the names of that."""
     T, names = tangent(fit)
-    H = T.T @ fit.maximum.H @ T
-    found = identifiability(H, names)
-    d = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    inverse = np.linalg.pinv(H / np.outer(d, d), rcond=1e-13, hermitian=True) / np.outer(d, d)
+    along = directions(T.T @ fit.maximum.H @ T)
+    found, inverse = identifiability(along, names), along.inverse(1e-13)
     observed = sum(run.count * len(run.maps.C) for run in fit.runs)
     spent = T.shape[1] + 2 * fit.problem.maps.n * len(fit.runs)
     covariance = T @ inverse @ T.T * observed / max(observed - spent, 1.0)
@@ -79,9 +82,7 @@ def _periods(fit: Fit, found: NDArray[Any]) -> float:
 
 
 def _warnings(fit: Fit, known: Identifiability, found: NDArray[Any]) -> list[str]:
-    said = [
-        note for r, run in zip(fit.problem.records, fit.runs) if (note := even_samples(r, run.data.hold).note)
-    ]
+    said = [run.data.note for run in fit.runs if run.data.note]
     if _periods(fit, found) < SHORT_RECORD:
         said.append(f"the record holds {_periods(fit, found):.1f} periods of the slowest mode, fewer than 5")
     if unexplained(fit) > 1:

@@ -22,7 +22,8 @@ def match(omega: Array, G: Complex) -> tuple[Array, Array, Array]:
     )  # sum over inputs of conj(g_j) g_l, g a row of G: symmetric plants
     H = ne.information(S, Omega, omega)
     back = np.swapaxes(np.conj(G), 1, 2) @ G
-    g = -sum(ne.gradient(1j * omega, back[:, :, k], G[:, :, k]) for k in range(n))
+    turns = ne.turned(1j * omega)
+    g = -sum(ne.gradient(turns, back[:, :, k], G[:, :, k]) for k in range(n))
     d = np.sqrt(np.diag(H))
     try:
         theta = np.linalg.solve(H / np.outer(d, d), g / d) / d

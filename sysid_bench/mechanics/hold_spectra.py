@@ -1,26 +1,40 @@
-"""hold, frequency -> what the hold makes of a sampled signal there; samples -> the signals that drive a hold."""
+"""hold, frequency -> what the hold makes of a sampled signal there; samples -> the spectra that drive a hold."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.fft import rfft
 
-from sysid_bench.mechanics.rules import rule
+from sysid_bench.mechanics.rules import rule, spline_slopes
 from sysid_bench.nouns import Array, Complex, InputError, NotApplicable
 
 
-def drives(u: Array, hold: str) -> Array:
-    """The rule's coefficients of the steps between samples u (N, nu): (J, N, nu), zero after the last sample.
+def drive_spectra(u: Array, U: Complex, z: Complex, hold: str) -> Complex:
+    """DFT (F, J, nu) of the rule's coefficients of the steps between samples u (N, nu), zero after the last sample.
 
-    Raises NotApplicable for fewer than 4 samples behind a spline.
+    U (F, nu) that of u, z (F, 1) = exp(j omega h): what follows from one sample to the next is a turn. Raises NotApplicable
+    for fewer than 4 samples behind a spline.
     """
     if len(u) < 4:
         raise NotApplicable(f"a hold through the samples needs at least 4 of them; the record has {len(u)}.")
-    c = rule(hold).coefficients(u)
-    return np.concatenate([c, np.zeros_like(c[:, :1])], axis=1)
+    at, after = _ends_of_steps(u, U, z)
+    if hold == "zoh":
+        return at[:, None]
+    if hold == "foh":
+        return np.stack([at, after - at], axis=1)
+    slopes = spline_slopes(u)
+    slope, slope_after = _ends_of_steps(slopes, rfft(slopes, axis=0), z)
+    bend = slope + slope_after - 2 * (after - at)
+    return np.stack([at, slope, after - at - slope - bend, bend], axis=1)
+
+
+def _ends_of_steps(x: Array, X: Complex, z: Complex) -> tuple[Complex, Complex]:
+    """DFT of x (N, m) at the beginning and the end of each step, X (F, m) being that of x."""
+    return X - z * x[-1], z * (X - x[0])
 
 
 def discrete_modes(poles: Complex, h: float, hold: str) -> tuple[Complex, Complex]:
-    """Each mode x' = pole x + u: its discrete pole (nm,) and weights (J, nm) of the signals of `drives`."""
+    """Each mode x' = pole x + u: its discrete pole (nm,) and weights (J, nm) of the signals of `drive_spectra`."""
     values = rule(hold).functions(poles * h)
     return values[0], values[1:] * h
 

@@ -29,12 +29,33 @@ def entry_names(n: int) -> list[str]:
     return [f"{name}[{i},{j}]" for name in "MDK" for i, j in pairs(n)]
 
 
-def identifiability(H: Array, names: Sequence[str]) -> Identifiability:
-    """H (nphi, nphi) information of the named unknowns; scaled to a unit diagonal first, so that units play no part."""
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Information scaled to a unit diagonal by d (nphi,), so that units play no part: its eigenvalues and vectors."""
+
+    d: Array
+    values: Array
+    vectors: Array
+
+    def inverse(self, blind: float) -> Array:
+        """(nphi, nphi) of the information, without the directions below `blind` of the largest."""
+        kept = self.values > blind * self.values[-1]
+        vectors = self.vectors[:, kept] / self.d[:, None]
+        return (vectors / self.values[kept]) @ vectors.T
+
+
+def directions(H: Array) -> Directions:
+    """Of H (nphi, nphi)."""
     d = np.sqrt(np.maximum(np.diag(H), 0.0))
     seen = d > 0
-    scaled = np.where(np.outer(seen, seen), H / np.outer(np.where(seen, d, 1), np.where(seen, d, 1)), 0.0)
-    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+    unit = np.where(seen, d, 1.0)
+    scaled = np.where(np.outer(seen, seen), H / np.outer(unit, unit), 0.0)
+    return Directions(unit, *np.linalg.eigh((scaled + scaled.T) / 2))
+
+
+def identifiability(found: Directions, names: Sequence[str]) -> Identifiability:
+    """What the information of the named unknowns tells."""
+    values, vectors = found.values, found.vectors
     blind = values < BLIND * values[-1]
     weight = np.abs(vectors[:, blind]).max(axis=1, initial=0.0)
     untold = (

@@ -7,12 +7,13 @@ only; leaving them out costs no information and makes the work independent of th
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import rfft
 from scipy.ndimage import uniform_filter1d
 
-from sysid_bench.mechanics.hold_spectra import drives
+from sysid_bench.mechanics.hold_spectra import drive_spectra
 from sysid_bench.nouns import Array, Complex, NotApplicable
 
 MARGIN = 1.2  # the band ends this much above the last bin in which the response is seen
@@ -26,9 +27,9 @@ SHORTEST = 16
 class Spectra:
     """All bins of one uniform record, scaled so that white noise of variance v has E|Y_f|^2 = 2 v.
 
-    omega (F,) rad/s, U (F, nu), Y (F, ny), drive (J, F, nu): spectra of what drives the held input (None:
+    omega (F,) rad/s, z (F, 1) = exp(j omega h), U (F, nu), Y (F, ny), drive (F, J, nu): spectra of what drives the held input (None:
     band-limited), weight (F,): sqrt(2/N), sqrt(1/N) at zero and Nyquist; mask (N,): 1 where y was measured,
-    None where everywhere. u, y: the samples, with gaps filled.
+    None where everywhere. u, y: the samples, with gaps filled; note: what was done to them.
     """
 
     u: Array
@@ -37,15 +38,22 @@ class Spectra:
     hold: str
     period: int
     omega: Array
+    z: Complex
     weight: Array
     U: Complex
     Y: Complex
     drive: Complex | None
     mask: Array | None = None
+    note: str = ""
 
     @property
     def N(self) -> int:
         return len(self.u)
+
+    @cached_property
+    def power(self) -> Array:
+        """(F, ny) |Y|^2."""
+        return squared(self.Y)
 
 
 def spectra(
@@ -58,28 +66,23 @@ def spectra(
     weight[0] = np.sqrt(1.0 / N)
     if N % 2 == 0:
         weight[-1] = weight[0]
-    U, Y = (rfft(x, axis=0) * weight[:, None] for x in (u, y))
-    drive = None
+    U, Y = rfft(u, axis=0), rfft(y, axis=0)
+    z, drive = np.exp(1j * omega * h)[:, None], None
     if hold != "bandlimited":
-        drive = rfft(drives(u, hold), axis=1) * weight[:, None]
-    return Spectra(u, y, h, hold, period or N, omega, weight, U, Y, drive, mask)
+        drive = drive_spectra(u, U, z, hold) * weight[:, None, None]
+    scale = weight[:, None]
+    return Spectra(u, y, h, hold, period or N, omega, z, weight, U * scale, Y * scale, drive, mask)
 
 
-def with_hold(data: Spectra, hold: str) -> Spectra:
-    """The same record with another assumption on what the input does between samples."""
-    return spectra(data.u, data.y, data.h, hold, data.period, data.mask)
+def squared(X: Complex) -> Array:
+    """|X|^2 of X (F, m), without a root on the way."""
+    return X.real**2 + X.imag**2
 
 
 def observations(weight: Array) -> int:
     """Real numbers in the bins: two each, one at zero frequency and at Nyquist."""
     single = np.count_nonzero(weight < 0.9 * weight.max())
     return 2 * len(weight) - int(single)
-
-
-def some_bins(data: Spectra, part: slice) -> Spectra:
-    """The same record, some of its bins."""
-    parts = {name: getattr(data, name)[part] for name in ("omega", "weight", "U", "Y")}
-    return replace(data, **parts, drive=None if data.drive is None else data.drive[:, part])
 
 
 def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
@@ -90,13 +93,14 @@ def thinned(data: Spectra, F: int, bins: int) -> tuple[Spectra, int]:
     stride = F // bins
     if stride < 2 or data.mask is not None or (data.drive is None and data.period != data.N):
         return data, F
-    sparse = some_bins(data, slice(0, F, stride))
+    parts = {name: getattr(data, name)[:F:stride] for name in ("omega", "z", "weight", "U", "Y")}
+    sparse = replace(data, **parts, drive=None if data.drive is None else data.drive[:F:stride])
     return sparse, len(sparse.omega)
 
 
-def noise_floor(Y: Complex) -> Array:
-    """Lowest smoothed power per channel (ny,), E|Y_f|^2 where the response is least."""
-    power = uniform_filter1d(np.abs(Y) ** 2, SMOOTH, axis=0, mode="nearest")
+def noise_floor(power: Array) -> Array:
+    """Lowest smoothed power per channel (ny,), E|Y_f|^2 where the response is least; power (F, ny)."""
+    power = uniform_filter1d(power, SMOOTH, axis=0, mode="nearest")
     size = max(len(power) // FLOOR_BLOCKS, 1)
     blocks = power[: len(power) // size * size].reshape(-1, size, power.shape[1])
     return np.maximum(np.median(blocks, axis=1).min(axis=0), 1e-24 * power.max(axis=0))
@@ -110,9 +114,9 @@ def band_edge(data: Spectra) -> int:
     """
     if not np.all(np.ptp(data.y, axis=0) > 0):
         raise NotApplicable(f"output channel {int(np.argmin(np.ptp(data.y, axis=0)))} never moves.")
-    floor, width = noise_floor(data.Y), SMOOTH
+    floor, width = noise_floor(data.power), SMOOTH
     for _ in range(2):
-        edge = _edge(data.Y, floor, width)
+        edge = _edge(data.power, floor, width)
         width = int(np.clip(edge // 6, SMOOTH, 4 * SMOOTH))
         above = power_above(data, edge)
         floor = floor if above is None else above
@@ -122,12 +126,12 @@ def band_edge(data: Spectra) -> int:
 def power_above(data: Spectra, edge: int) -> Array | None:
     """Mean power of the bins above the band (ny,): the noise's; None where too few of them are left."""
     F = len(data.omega)
-    return (np.abs(data.Y[edge:-1]) ** 2).mean(axis=0) if F - edge > max(F // 8, 64) else None
+    return data.power[edge:-1].mean(axis=0) if F - edge > max(F // 8, 64) else None
 
 
-def _edge(Y: Complex, floor: Array, width: int) -> int:
-    excess = uniform_filter1d((np.abs(Y) ** 2 / floor).mean(axis=1), width, mode="mirror")
-    excess = excess[: len(Y) - width]  # fewer bins under the smoother's end
-    above = np.flatnonzero(excess > 1 + SIGNIFICANCE / np.sqrt(width * Y.shape[1]))
-    last = above[-1] + 1 if len(above) else len(Y)
-    return int(np.clip(np.ceil(MARGIN * last), min(len(Y), SHORTEST), len(Y)))
+def _edge(power: Array, floor: Array, width: int) -> int:
+    excess = uniform_filter1d((power / floor).mean(axis=1), width, mode="mirror")
+    excess = excess[: len(power) - width]  # fewer bins under the smoother's end
+    above = np.flatnonzero(excess > 1 + SIGNIFICANCE / np.sqrt(width * power.shape[1]))
+    last = above[-1] + 1 if len(above) else len(power)
+    return int(np.clip(np.ceil(MARGIN * last), min(len(power), SHORTEST), len(power)))

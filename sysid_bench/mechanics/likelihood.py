@@ -8,35 +8,51 @@ the response only, the gradient the neighbouring ones too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
-from functools import reduce
+from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from operator import add
 
 import numpy as np
 from scipy.fft import irfft, rfft
 
 from sysid_bench.mechanics import normal_equations as ne
-from sysid_bench.mechanics.in_band import Spectra, observations, some_bins
-from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
+from sysid_bench.mechanics.hold_spectra import hold_spectrum
+from sysid_bench.mechanics.in_band import Spectra, observations
+from sysid_bench.mechanics.kronecker import Products, products, with_ends
+from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, root, weigh
 from sysid_bench.mechanics.response import (
+    Image,
     Maps,
     Modes,
-    forced,
     image,
     modes_of,
     output_modes,
+    sampled,
     transfer,
-    transient,
 )
 from sysid_bench.mechanics.second_order import unpack
+from sysid_bench.mechanics.semidefinite import solved
 from sysid_bench.nouns import Array, Complex, Diverged
 
-IMAGES = (0, -1, 1)
-BLOCK = 512  # bins whose sensitivities are formed at a time: they stay in the cache
+ENDS = (1, 0)  # powers of s in the force that makes the free motion
+BLOCK = 32768  # numbers of a transfer function that are formed at a time: they stay in the cache
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
 LIMIT = 120
 FAILURES = 9
 ROUNDING = 1e-9  # of the output
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """An image of the frequency axis, or several: s (..., F), the held input's spectrum (..., F, nu), the turns (..., F, 3)
+    of the gradient there."""
+
+    s: Complex
+    held: Complex
+    turns: Complex
+
+    def motion(self, modes: Modes, maps: Maps, bins: slice, free: Complex) -> Image:
+        return image(modes, maps, self.s[..., bins], self.held[..., bins, :], free)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +65,28 @@ class Run:
     noise: str = "diagonal"
     weight: Array | None = None
 
-    @property
+    @cached_property
     def count(self) -> float:
         share = 1.0 if self.data.mask is None else float(self.data.mask.mean())
         return share * observations(self.data.weight[: self.F])
 
-    @property
+    @cached_property
     def power(self) -> Array:
-        return np.maximum((np.abs(self.data.Y[: self.F]) ** 2).mean(axis=0), 1e-300)
+        return np.maximum(self.data.power[: self.F].mean(axis=0), 1e-300)
+
+    @cached_property
+    def main(self) -> Fold:
+        return self._fold(np.zeros(()))
+
+    @cached_property
+    def sides(self) -> Fold | None:
+        """The neighbouring images (2, F, ...); None where the hold leaves none."""
+        return None if self.data.hold == "bandlimited" else self._fold(np.array([[-1.0], [1.0]]))
+
+    def _fold(self, m: Array) -> Fold:
+        data, omega = self.data, self.data.omega[: self.F] + 2 * np.pi * m / self.data.h
+        held = data.U[: self.F] * hold_spectrum(omega, data.h, data.hold)[..., None]
+        return Fold(1j * omega, held, ne.turned(1j * omega))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,17 +134,14 @@ def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
     W = run.weight if run.weight is not None else before.W if before is not None else None
     if W is None:
         W = 1 / run.power[None]
-    Y, free, c = (
-        forced(modes, run.maps, data, bins),
-        transient(modes, data, bins),
-        output_modes(modes, run.maps),
-    )
+    found, c = sampled(modes, run.maps, data, bins), output_modes(modes, run.maps)
+    Y, free = found.forced, found.free
     gram = np.real(np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse)
     start = np.zeros(2 * modes.n, dtype=complex)
     for _ in range(1 if data.mask is None else 4):  # with gaps the gram is that of the complete record
         R = _residual(data, Y + (free * start) @ c.T)[:F]
         slope = (modes.inverse.T @ (free[:F] * (np.conj(weigh(W, R)) @ c)).sum(axis=0)).real
-        start = start + modes.inverse @ _solve_scaled(gram, slope)
+        start = start + modes.inverse @ solved(gram, slope, ne.BLIND)
     R = _residual(data, Y + (free * start) @ c.T)[:F]
     if run.weight is not None:
         return Fitted(R, start, free[:F], run.weight, given(R, run.weight))
@@ -128,66 +155,59 @@ def _residual(data: Spectra, Y: Complex) -> Complex:
     return rfft(data.mask[:, None] * (data.y - y), axis=0) * data.weight[:, None]
 
 
-def _solve_scaled(H: Array, g: Array) -> Array:
-    d = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    return np.linalg.lstsq(H / np.outer(d, d), g / d, rcond=1e-13)[0] / d
-
-
 def information_and_gradient(point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
     """H (ntheta, ntheta), g of the log-likelihood, the free motions eliminated."""
-    parts = [_normal(point.modes, run, fit) for run, fit in zip(runs, point.runs)]
+    parts = [_normal(point, run, fit) for run, fit in zip(runs, point.runs)]
     return sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """Over some bins: information H (ntheta, ntheta), gradient g (ntheta,), and what the free motion takes of them:
-    X (ntheta, 2n) across, A (2n, 2n) its own, slope (2n,)."""
+    """Over some bins: products of sensitivities and ends, gradient g (ntheta,)."""
 
-    H: Array
+    products: Products
     g: Array
-    X: Array
-    A: Array
-    slope: Array
 
     def __add__(self, other: _Sums) -> _Sums:
-        return _Sums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
-
-    def without_free_motion(self) -> tuple[Array, Array]:
-        """H and g with the free motion eliminated, its main image too: what cannot be told stays exactly blind."""
-        d = np.sqrt(np.maximum(np.diag(self.A), 1e-300))
-        scaled, right = self.A / np.outer(d, d), np.column_stack([self.X.T, self.slope]) / d[:, None]
-        half = np.linalg.lstsq(scaled, right, rcond=1e-13)[0]
-        return self.H - (self.X / d) @ half[:, :-1], self.g - (self.X / d) @ half[:, -1]
+        return _Sums(self.products + other.products, self.g + other.g)
 
 
-def _normal(modes: Modes, run: Run, fit: Fitted) -> tuple[Array, Array]:
-    sums = (_summed(modes, run, fit, slice(k, k + BLOCK)) for k in range(0, run.F, BLOCK))
-    return reduce(add, sums).without_free_motion()
+def _normal(point: Point, run: Run, fit: Fitted) -> tuple[Array, Array]:
+    """H and g of one run; the free motion from the state x is that of the force (s M + D) q + M q' at the start."""
+    modes, n = point.modes, run.maps.n
+    size = max(BLOCK // n**2, 1)
+    sums = (_summed(modes, run, fit, slice(k, min(k + size, run.F))) for k in range(0, run.F, size))
+    total = reduce(add, sums)
+    M, D, _ = unpack(point.theta, n)
+    own = (fit.free * (np.conj(weigh(fit.W, fit.R)) @ output_modes(modes, run.maps))).sum(axis=0)
+    slope = np.linalg.solve(np.block([[M, D], [np.zeros((n, n)), M]]), np.real(modes.inverse.T @ own))
+    return ne.without_ends(total.products.assembled(ENDS), np.concatenate([total.g, -slope]), len(total.g))
 
 
 def _summed(modes: Modes, run: Run, fit: Fitted, bins: slice) -> _Sums:
-    data, R, maps = some_bins(run.data, slice(bins.start, min(bins.stop, run.F))), fit.R[bins], run.maps
+    weight = run.data.weight[bins, None] / run.data.h
+    free = weight * fit.start
+    main = run.main.motion(modes, run.maps, bins, free)
     W = fit.W[bins] if len(fit.W) == run.F > 1 else fit.W
-    main, *folds = (image(modes, maps, data, len(R), m, fit.start) for m in _images(data))
-    G, c, seen = transfer(modes, maps, main), output_modes(modes, maps), maps.C @ modes.shape
-    GW = np.conj(np.swapaxes(weigh(W, G), 1, 2))  # G^H W: W is real and symmetric
-    Omega = np.conj(main.q)[:, :, None] * main.q[:, None, :]
-    WR = weigh(W, R)
-    g = ne.gradient(main.s, (GW @ R[:, :, None])[:, :, 0], main.q)
-    for fold in folds:
-        back = ((WR @ np.conj(seen)) * np.conj(fold.pole_gain)) @ np.conj(modes.left)
-        g = g + ne.gradient(fold.s, back, fold.q)
-    free = main.pole_gain * (data.weight[:, None] / data.h)
-    X = ne.cross(main.s, main.q, (GW @ seen) * free[:, None, :]) @ modes.inverse
-    A = np.conj(modes.inverse).T @ modal_gram(free, seen, W) @ modes.inverse
-    slope = modes.inverse.T @ (fit.free[bins] * (np.conj(WR) @ c)).sum(axis=0)
-    H = ne.information(GW @ G, Omega, main.s.imag)
-    return _Sums(H, g, np.real(X), np.real(A), np.real(slope))
+    seen, R = run.maps.C @ modes.shape, fit.R[bins]
+    G, r = _whitened(modes, main, seen, R, W)
+    g = ne.gradient(run.main.turns[bins], np.conj((np.conj(r)[:, None, :] @ G)[:, 0]), main.q)
+    if run.sides is not None:
+        side = run.sides.motion(modes, run.maps, bins, free)
+        back = (np.conj(weigh(W, R)) @ seen * side.pole_gain) @ modes.left
+        g = g + ne.gradient(run.sides.turns[:, bins], np.conj(back), side.q)
+    Omega = with_ends(main.q, main.q, weight[:, 0])
+    return _Sums(products(np.conj(G).swapaxes(1, 2) @ G, Omega, main.s.imag), g)
 
 
-def _images(data: Spectra) -> tuple[int, ...]:
-    return IMAGES[:1] if data.hold == "bandlimited" else IMAGES
+def _whitened(modes: Modes, main: Image, seen: Complex, R: Complex, W: Array) -> tuple[Complex, Complex]:
+    """Transfer functions (F, ny, n) and residuals (F, ny) in units of the noise."""
+    B = root(W)
+    if B.ndim == 3:
+        return transfer(modes, B[0] @ seen, main.pole_gain), R @ B[0].T
+    if len(B) == 1:
+        return transfer(modes, B.T * seen, main.pole_gain), R * B
+    return transfer(modes, seen, main.pole_gain) * B[:, :, None], R * B
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +223,11 @@ class Maximum:
 
 
 def maximise(
-    runs: Sequence[Run], phi: Array, parameters: Parameters | None = None, limit: int = LIMIT
+    runs: Sequence[Run],
+    phi: Array,
+    parameters: Parameters | None = None,
+    limit: int = LIMIT,
+    tolerance: float = TOLERANCE,
 ) -> Maximum:
     """Levenberg-Marquardt from phi. Raises Diverged where not even the start can be simulated."""
     parameters = parameters or Parameters()
@@ -214,8 +238,8 @@ def maximise(
         H, g = information_and_gradient(point, runs)
         h, s = (H, g) if parameters.slope is None else _pulled(H, g, parameters.slope(phi))
         step = _step(h, s, phi, mu, point, runs, parameters)
-        if step is None or step.gain < TOLERANCE:
-            converged = step is not None or _decrement(h, s) < 100 * TOLERANCE
+        if step is None or step.gain < tolerance:
+            converged = step is not None or _decrement(h, s) < 100 * tolerance
             phi, point = (phi, point) if step is None else (step.phi, step.point)
             break
         phi, point, mu = step.phi, step.point, step.mu
@@ -243,7 +267,7 @@ def _pulled(H: Array, g: Array, T: Array) -> tuple[Array, Array]:
 
 
 def _decrement(H: Array, g: Array) -> float:
-    return float(g @ _solve_scaled(H, g))
+    return float(g @ solved(H, g, ne.BLIND))
 
 
 def _step(H, g, phi, mu, point, runs, parameters) -> _Step | None:

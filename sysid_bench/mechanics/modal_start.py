@@ -70,7 +70,7 @@ def residues(data: Spectra, maps: Maps, F: int, poles: Complex, weight: Array) -
 
 def _modal_inputs(data: Spectra, poles: Complex, F: int) -> Complex:
     """(F, modes, nu + 1): each mode's response to each input, and its free motion."""
-    z = np.exp(1j * data.omega[:F] * data.h)[:, None]
+    z = data.z[:F]
     discrete = np.exp(poles * data.h)
     free = (z / (z - discrete) * data.weight[:F, None])[:, :, None]
     if data.drive is None:
@@ -78,7 +78,7 @@ def _modal_inputs(data: Spectra, poles: Complex, F: int) -> Complex:
         forced = held[:, None, :] / (1j * data.omega[:F, None, None] - poles[:, None])
     else:
         _, weights = discrete_modes(poles, data.h, data.hold)
-        forced = np.einsum("jfu,jk->fku", data.drive[:, :F], weights) / (z - discrete)[:, :, None]
+        forced = np.einsum("fju,jk->fku", data.drive[:F], weights) / (z - discrete)[:, :, None]
     return np.concatenate([forced, free], axis=2)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from sysid_bench.mechanics.in_band import squared
 from sysid_bench.nouns import Array, Complex
 
 TINY = 1e-300
@@ -20,6 +21,11 @@ def weigh(W: Array, X: Complex) -> Complex:
     if W.ndim == 3:
         return np.matmul(W, X) if X.ndim == 3 else X @ W[0].T
     return X * (W[:, :, None] if X.ndim == 3 else W)
+
+
+def root(W: Array) -> Array:
+    """B, of the shape of W (1, ny), (F, ny) or (1, ny, ny), with W = B^T B."""
+    return np.linalg.cholesky(W).swapaxes(1, 2) if W.ndim == 3 else np.sqrt(W)
 
 
 def modal_gram(d: Complex, c: Complex, W: Array) -> Complex:
@@ -38,7 +44,7 @@ def variances(R: Complex, power: Array, count: float) -> tuple[Array, Array]:
     They differ where a sensor is cleaner than BEST_RATIO: without a floor, the first channel to be fitted
     exactly would drown the others.
     """
-    v = (np.abs(R) ** 2).sum(axis=0) / count
+    v = squared(R).sum(axis=0) / count
     worst = (v / power).max()
     return v, np.maximum(np.maximum(v, min(worst, max(BEST_RATIO, 1e-6 * worst)) * power), TINY)
 
@@ -73,6 +79,6 @@ def noise_spectrum(R: Complex, weight: Array, width: int | None = None) -> Array
     """
     width = width or int(np.clip(len(R) // 40, 15, 61))
     single = (weight < 0.9 * weight.max())[:, None]
-    power = np.where(single, 1.0, 0.5) * np.abs(R) ** 2
+    power = np.where(single, 1.0, 0.5) * squared(R)
     smooth = uniform_filter1d(power, min(width, len(R)), axis=0, mode="reflect")
     return 1 / np.maximum(smooth, 1e-6 * smooth.max(axis=0) + TINY)

@@ -18,6 +18,8 @@ def phi(z: Complex, highest: int) -> list[Complex]:
     """[phi_0, ..., phi_highest] at z: phi_0 = exp, phi_{p+1}(z) = (phi_p(z) - 1/p!) / z, all entire."""
     z = np.asarray(z, dtype=complex)
     small = np.abs(z) < 2.0
+    if small.all():
+        return _series(z, highest)
     series = _series(np.where(small, z, 0.0), highest)
     safe, upward = np.where(small, 1.0, z), [np.exp(z)]
     for p in range(highest):

@@ -8,14 +8,17 @@ Gonzalez, Rojas, Welsh & Rojas 2023). Noise on y does not bias it, since instrum
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.hold_spectra import hold_spectrum
-from sysid_bench.mechanics.in_band import Spectra
-from sysid_bench.mechanics.response import Maps
+from sysid_bench.mechanics.in_band import Spectra, squared
+from sysid_bench.mechanics.kronecker import products, with_ends
+from sysid_bench.mechanics.response import Maps, modes_of, transfer
 from sysid_bench.mechanics.second_order import unpack
+from sysid_bench.mechanics.semidefinite import solved
 from sysid_bench.nouns import Array, Complex, Diverged
 
 FLOOR = (
@@ -31,53 +34,65 @@ def definite(X: Array, floor: float = FLOOR) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Filtered:
-    """One pass: G (F, n, n) the inverse of the last estimate, q (F, n) its response, weight, boundary columns."""
+    """One pass: G (F, n, n) the inverse of the last estimate, Q (F, n) the motion seen, the force, w (F,) of the ends and
+    their powers of s."""
 
     s: Complex
     G: Complex
     Q: Complex
     drive: Complex
-    ends: Complex
+    w: Array
+    ends: tuple[int, ...]
+
+    @cached_property
+    def E(self) -> Complex:
+        return ne.ends_of(self.s, self.w, self.ends)
+
+    def seen(self, force: Complex) -> Complex:
+        """(F, n) the last estimate's response to a force (F, n)."""
+        return (self.G @ force[:, :, None])[:, :, 0]
+
+    def weighed(self, X: Complex, W: Array) -> Complex:
+        """(F, n) G^H W X."""
+        return np.conj(((np.conj(X) * W)[:, None, :] @ self.G)[:, 0])
+
+    def gram(self, W: Array) -> Complex:
+        """(F, n, n) G^H W G."""
+        G = self.G * np.sqrt(W)[:, None]
+        return np.conj(G).swapaxes(1, 2) @ G
 
 
 def _filtered(data: Spectra, maps: Maps, F: int, theta: Array) -> _Filtered:
-    first = 1 if maps.power else 0
+    first, ends = 1 if maps.power else 0, tuple(range(2, -1 - maps.power, -1))
     s = 1j * data.omega[first:F]
     M, D, K = (definite(X) for X in unpack(theta, maps.n))
-    G = np.linalg.inv(s[:, None, None] ** 2 * M + s[:, None, None] * D + K)
+    modes = modes_of(M, D, K)
+    G = transfer(modes, modes.shape, 1 / (s[:, None] - modes.poles))
     Q = (data.Y[first:F] @ np.linalg.pinv(maps.C).T) / (s**maps.power)[:, None]
     drive = (data.U[first:F] * hold_spectrum(s.imag, data.h, data.hold)[:, None]) @ maps.L.T
-    columns = np.stack([s ** (2 - p) for p in range(3 + maps.power)], axis=1) * data.weight[first:F, None]
-    ends = (G[:, :, :, None] * columns[:, None, None, :]).reshape(len(s), maps.n, -1)
-    return _Filtered(s, G, Q, drive, ends / np.sqrt((np.abs(ends) ** 2).sum(axis=(0, 1))))
+    return _Filtered(s, G, Q, drive, data.weight[first:F], ends)
 
 
-def _model_motion(part: _Filtered, W: Array) -> Complex:
-    """Response of the last estimate to the input, with the boundary terms that fit the output best."""
-    forced = (part.G @ part.drive[:, :, None])[:, :, 0]
-    T = part.ends * np.sqrt(W)[:, None]
-    r = (part.Q - forced) * np.sqrt(W)
-    A = np.real(np.conj(T).reshape(-1, T.shape[2]).T @ T.reshape(-1, T.shape[2]))
-    b = np.real(np.conj(T).reshape(-1, T.shape[2]).T @ r.ravel())
-    return forced + part.ends @ np.linalg.lstsq(A, b, rcond=1e-12)[0]
+def _model_motion(part: _Filtered, forced: Complex, S: Complex, W: Array) -> Complex:
+    """Response of the last estimate to the input, with the boundary terms that fit the output best; S as of gram."""
+    b = ne.gradient_of_ends(part.E, part.weighed(part.Q - forced, W))
+    at_ends = -solved(ne.gram_of_ends(part.E, S), b, ne.BLIND).reshape(len(part.ends), -1)
+    return forced + part.seen(part.E @ at_ends)
 
 
 def _step(data: Spectra, maps: Maps, F: int, theta: Array) -> tuple[Array, Array]:
     """The next estimate and the weights that it was made with."""
     part = _filtered(data, maps, F, theta)
-    W = 1 / (np.abs(part.Q - _model_motion(part, np.ones(maps.n))) ** 2).mean(axis=0)
-    q = _model_motion(part, W)
-    GW = np.conj(np.swapaxes(part.G, 1, 2)) * W
-    Omega = np.conj(q)[:, :, None] * part.Q[:, None, :]
-    H = ne.information(GW @ part.G, Omega, part.s.imag, hermitian=False)
-    g = -ne.gradient(part.s, (GW @ (part.G @ part.drive[:, :, None]))[:, :, 0], q)
-    back = GW @ part.ends
-    instruments, regressors = (ne.cross(part.s, x, back).real for x in (q, part.Q))
-    T = (part.ends * np.sqrt(W)[:, None]).reshape(-1, part.ends.shape[2])
-    forced = ((part.G @ part.drive[:, :, None])[:, :, 0] * np.sqrt(W)).ravel()
-    slope = (np.conj(T).T @ forced).real
-    half = np.linalg.lstsq((np.conj(T).T @ T).real, np.column_stack([regressors.T, -slope]), rcond=1e-12)[0]
-    H, g = H - instruments @ half[:, :-1], g - instruments @ half[:, -1]
+    forced, W = part.seen(part.drive), np.ones(maps.n)
+    W = 1 / squared(part.Q - _model_motion(part, forced, part.gram(W), W)).mean(axis=0)
+    S = part.gram(W)
+    q = _model_motion(part, forced, S, W)
+    lowest = -2 * maps.power
+    H = products(S, with_ends(q, part.Q, part.w), part.s.imag, False, lowest).assembled(part.ends)
+    back = part.weighed(forced, W)
+    g = -ne.gradient(ne.turned(part.s), back, q)
+    of_ends = -ne.gradient_of_ends(part.E, back)
+    H, g = ne.without_ends(H, np.concatenate([g, of_ends]), len(g))
     d = np.sqrt(np.maximum(np.abs(np.diag(H)), 1e-300))
     return np.linalg.solve(H / np.outer(d, d), g / d) / d, W
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import irfft, rfft
 
-from sysid_bench.mechanics.hold_spectra import discrete_modes, hold_spectrum
+from sysid_bench.mechanics.hold_spectra import discrete_modes
 from sysid_bench.mechanics.in_band import Spectra
 from sysid_bench.nouns import Array, Complex, Diverged
 
@@ -54,9 +54,11 @@ class Modes:
 def modes_of(M: Array, D: Array, K: Array) -> Modes:
     """Eigenvectors of the first-order form. Raises Diverged where M is singular or a matrix is not finite."""
     n = len(M)
+    A = np.zeros((2 * n, 2 * n))
+    A[np.arange(n), n + np.arange(n)] = 1.0
     try:
         gain = np.linalg.inv(M)
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-gain @ K, -gain @ D]])
+        A[n:, :n], A[n:, n:] = -gain @ K, -gain @ D
         poles, vectors = np.linalg.eig(A)
         inverse = np.linalg.inv(vectors)
     except (np.linalg.LinAlgError, ValueError) as problem:
@@ -70,18 +72,29 @@ def output_modes(modes: Modes, maps: Maps) -> Complex:
     return (maps.C @ modes.shape) * modes.poles**maps.power
 
 
-def forced(modes: Modes, maps: Maps, data: Spectra, F: int) -> Complex:
-    """Exact spectrum (F, ny) of the sampled response, up to the transient of `transient`."""
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """The exact sampled spectra: of the forced response (F, ny), up to the free motion; of the free motion (F, 2n) of each
+    modal coordinate from one, which wraps round the end of the record."""
+
+    forced: Complex
+    free: Complex
+
+
+def sampled(modes: Modes, maps: Maps, data: Spectra, F: int) -> Sampled:
+    """In the first F bins."""
     inputs = (modes.left @ maps.L).T
+    z = data.z[:F]
     if data.drive is None:
-        return _steady(modes, maps, data, inputs)[:F]
+        free = z * data.weight[:F, None] / (z - np.exp(modes.poles * data.h))
+        return Sampled(_steady(modes, maps, data, inputs)[:F], free)
     discrete, weights = discrete_modes(modes.poles, data.h, data.hold)
-    z = np.exp(1j * data.omega[:F] * data.h)
-    modal = sum((data.drive[j, :F] @ inputs) * weights[j] for j in range(len(data.drive)))
-    Y = (modal / (z[:, None] - discrete)) @ output_modes(modes, maps).T
+    resolvent = 1 / (z - discrete)
+    modal = data.drive[:F].reshape(F, -1) @ (weights[:, None, :] * inputs).reshape(-1, len(discrete))
+    Y = (modal * resolvent) @ output_modes(modes, maps).T
     if maps.power == 2:
         Y = Y + data.U[:F] @ (maps.C @ modes.gain @ maps.L).T
-    return Y
+    return Sampled(Y, resolvent * (z * data.weight[:F, None]))
 
 
 def _steady(modes: Modes, maps: Maps, data: Spectra, inputs: Complex) -> Complex:
@@ -96,12 +109,6 @@ def _steady(modes: Modes, maps: Maps, data: Spectra, inputs: Complex) -> Complex
     return rfft(np.tile(period, (-(-N // P), 1))[:N], axis=0) * data.weight[:, None]
 
 
-def transient(modes: Modes, data: Spectra, F: int) -> Complex:
-    """(F, 2n) spectra of the modal coordinates' free motion from one; wraps round the end of the record."""
-    z = np.exp(1j * data.omega[:F] * data.h)[:, None]
-    return z / (z - np.exp(modes.poles * data.h)) * data.weight[:F, None]
-
-
 @dataclass(frozen=True, eq=False)
 class Image:
     """One fold of the frequency axis: s (F,), s^a C G factors over modes (F, 2n), q (F, n) the motion there."""
@@ -111,18 +118,16 @@ class Image:
     q: Complex
 
 
-def image(modes: Modes, maps: Maps, data: Spectra, F: int, m: int, start: Complex) -> Image:
-    """Image m of the band's first F bins; start (2n,): modal coordinates of the free motion."""
-    omega = data.omega[:F] + 2 * np.pi * m / data.h
-    s = 1j * omega
-    resolvent = 1 / (s[:, None] - modes.poles)
-    drive = data.U[:F] * hold_spectrum(omega, data.h, data.hold)[:, None]
-    modal = drive @ (modes.left @ maps.L).T + data.weight[:F, None] * (start / data.h)
-    return Image(s, resolvent * (s**maps.power)[:, None], (modal * resolvent) @ modes.shape.T)
+def image(modes: Modes, maps: Maps, s: Complex, held: Complex, weight: Array) -> Image:
+    """At s (..., F): held (..., F, nu) is the held input's spectrum there; weight (F, 1) times a state (2n,) the free motion's."""
+    resolvent = 1 / (s[..., None] - modes.poles)
+    modal = held @ (modes.left @ maps.L).T + weight
+    gain = resolvent if maps.power == 0 else resolvent * (s**maps.power)[..., None]
+    return Image(s, gain, (modal * resolvent) @ modes.shape.T)
 
 
-def transfer(modes: Modes, maps: Maps, fold: Image) -> Complex:
-    """(F, ny, n): s^a C G(s) at an image."""
-    pairs = (maps.C @ modes.shape)[:, None, :] * modes.left.T[None, :, :]
+def transfer(modes: Modes, seen: Complex, pole_gain: Complex) -> Complex:
+    """(F, ny, n): s^a C G(s); seen (ny, 2n): C times the modes' shapes, pole_gain (F, 2n): s^a / (s - poles)."""
+    pairs = seen[:, None, :] * modes.left.T[None, :, :]
     ny, n, nm = pairs.shape
-    return (fold.pole_gain @ pairs.reshape(ny * n, nm).T).reshape(-1, ny, n)
+    return (pole_gain @ pairs.reshape(ny * n, nm).T).reshape(-1, ny, n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,20 +21,26 @@ def ntheta(n: int) -> int:
     return 3 * n * (n + 1) // 2
 
 
+@lru_cache(maxsize=64)
+def upper(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns, (n (n + 1)/2,) each, of the upper triangle by rows, as theta has them."""
+    return np.triu_indices(n)
+
+
 def pairs(n: int) -> list[tuple[int, int]]:
     """The (i, j), i <= j, of each entry of one matrix, in the order of pack."""
-    return [(int(i), int(j)) for i, j in zip(*np.triu_indices(n))]
+    return [(int(i), int(j)) for i, j in zip(*upper(n))]
 
 
 def pack(M: Array, D: Array, K: Array) -> Array:
     """theta (3 n (n+1)/2,): upper triangles by rows, M then D then K."""
-    rows, cols = np.triu_indices(len(M))
+    rows, cols = upper(len(M))
     return np.concatenate([np.asarray(X)[rows, cols] for X in (M, D, K)])
 
 
 def unpack(theta: Array, n: int) -> tuple[Array, Array, Array]:
     """The inverse of pack: symmetric M, D, K (n, n)."""
-    rows, cols = np.triu_indices(n)
+    rows, cols = upper(n)
     X = np.zeros((3, n, n))
     X[:, rows, cols] = np.reshape(theta, (3, -1))
     X[:, cols, rows] = X[:, rows, cols]
@@ -44,7 +51,7 @@ def free_mask(model: Model) -> NDArray[np.bool_]:
     """Which entries of theta the model leaves to be estimated, (ntheta,) bool."""
     everything = np.ones((model.n, model.n), dtype=bool)
     masks = [model.free.get(name, everything) for name in ("mass", "damping", "stiffness")]
-    rows, cols = np.triu_indices(model.n)
+    rows, cols = upper(model.n)
     return np.concatenate([mask[rows, cols] for mask in masks])
 
 

@@ -18,8 +18,10 @@ from sysid_bench.mechanics.linear_start import equation_error_normal
 from sysid_bench.mechanics.modal_start import modal_start
 from sysid_bench.mechanics.refined_iv import definite, refine
 from sysid_bench.mechanics.second_order import pack, unpack
+from sysid_bench.mechanics.semidefinite import solved
 from sysid_bench.nouns import Array, Diverged, NotApplicable
 
+BLIND = 1e-14  # a direction with less information, relative to the largest, stays at zero
 STEPS = 3
 LIFTS = (0.1, 0.2, 0.3, 0.05)  # of the largest eigenvalue: where a search among positive matrices starts
 SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
@@ -55,8 +57,7 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
     H, g = sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
     theta = np.array(known, dtype=float)
     right = g[free] - H[np.ix_(free, ~free)] @ theta[~free]
-    d = np.sqrt(np.maximum(np.diag(H)[free], 1e-300))
-    theta[free] = np.linalg.lstsq(H[np.ix_(free, free)] / np.outer(d, d), right / d, rcond=1e-14)[0] / d
+    theta[free] = solved(H[np.ix_(free, free)], right, BLIND)
     return theta
 
 

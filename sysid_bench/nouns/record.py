@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ class Record:
     def ny(self) -> int:
         return self.y.shape[1]
 
-    @property
+    @cached_property
     def is_uniform(self) -> bool:
         """True where every step equals the mean step to 1e-6 relative."""
         steps = np.diff(self.t)
