@@ -51,7 +51,8 @@ def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) 
         at += width
     forces = [forces_along(columns, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for s in seens]
     blocks = [force_columns(s, c, f) for s, f in zip(seens, forces)]
-    if isinstance(place, int) and any(k.name == "extra_mode" for k in catalogue):
+    extra_mode = any(k.name == "extra_mode" for k in catalogue) and ("extra_mode", place) not in taken
+    if isinstance(place, int) and extra_mode:  # two at one DOF would follow any force of other DOFs
         more, makes = _hidden_modes(problem, seens, c, place, catalogue)
         blocks = [np.concatenate([one, two], axis=2) for one, two in zip(blocks, more)]
         for make in makes:
