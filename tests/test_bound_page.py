@@ -51,9 +51,10 @@ def test_methods_show_their_errors_and_absent_ones_that_they_do_not_apply(tmp_pa
     absent = row(
         float("nan"), 15.0, "not_applicable", method="b", fit_s=float("nan"), pole_error=float("nan")
     )
-    study(tmp_path, "peers/peers", [ok, absent], axes={"method": ["a", "b"]})
+    study(tmp_path, "peers/peers", [ok, ok | {"fit_s": 0.5}, absent], axes={"method": ["a", "b"]})
     page = bound_page(tmp_path)
-    assert "| a | 1 | 0 | 2.00 / 2.00 / 2.00 | 1 / 1 / 1 | 0.1 | 0 % |" in page
+    assert "| median error of the poles, % | ms, fastest run |" in page
+    assert "| a | 2 | 0 | 2.00 / 2.00 / 2.00 | 1 / 1 / 1 | 0.1 | 20 | 0 % |" in page
     assert "| b | 1 | 1 (does not apply) |" in page
 
 
