@@ -17,6 +17,7 @@ from sysid_bench.mechanics.effect import Effect
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 # A richer law must gain this share of the linear gap over its own special case, and this share of what it leaves.
 RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
+HYSTERESIS = 8.0  # price by which a hysteresis that closes the gap must beat one of its simpler laws
 CLOSED = 1.15  # rho from which a fit may have missed its valley
 PLAINLY = 60.0  # of the price: a shape that closes the gap is not overruled by a name that is so far behind
 SHUT = 1.02  # rho below which a fit leaves nothing
@@ -193,9 +194,15 @@ def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -
         plainer = shape_count(best.fit.point.effects) < shape_count(other.fit.point.effects)
         near = 20.0 if plainer else min(max(20.0, margin / 3), PLAINLY if best.fit.rho < CLOSED else np.inf)
         named = best.is_decoy and not other.is_decoy and behind < near
-        if named or (behind < nested and not other.is_decoy and subset(other.effect, best.effect)):
+        enough = HYSTERESIS if best.fit.rho < CLOSED and smooth(other.effect) else nested
+        if named or (behind < enough and not other.is_decoy and subset(other.effect, best.effect)):
             return other
     return best
+
+
+def smooth(effect: Effect) -> bool:
+    """True for a friction whose law has no rounded sign, so that a richer law cannot gain by rounding it otherwise."""
+    return effect.name == "presliding_friction"
 
 
 def subset(simple: Effect, rich: Effect) -> bool:
