@@ -7,11 +7,13 @@ import pytest
 
 from sysid_bench import conf
 from sysid_bench.build import build
-from sysid_bench.mechanics import likelihood
+from sysid_bench.mechanics import information
 from sysid_bench.mechanics.estimation import Problem, fit_problem, in_band_run, problem_of
 from sysid_bench.mechanics.fisher import crlb
 from sysid_bench.mechanics.in_band import thinned
-from sysid_bench.mechanics.likelihood import Run, evaluate, information_and_gradient, maximise
+from sysid_bench.mechanics.information import information_and_gradient
+from sysid_bench.mechanics.likelihood import Run, evaluate
+from sysid_bench.mechanics.maximum import maximise
 from sysid_bench.mechanics.refined_iv import refine
 from sysid_bench.mechanics.response import modes_of
 from sysid_bench.mechanics.second_order import pack, unpack
@@ -256,6 +258,6 @@ def test_sums_over_blocks_of_bins_are_the_sum_over_all(noise: str, monkeypatch) 
         run = replace(run, weight=np.linspace(1.0, 2.0, 3 * run.F).reshape(run.F, 3))
     point = evaluate(pack(plant.mass, plant.damping, plant.stiffness), [run])
     whole = information_and_gradient(point, [run])
-    monkeypatch.setattr(likelihood, "BLOCK", 9 * (run.F // 3))
+    monkeypatch.setattr(information, "BLOCK", 9 * (run.F // 3))
     for got, wanted in zip(information_and_gradient(point, [run]), whole, strict=True):
         assert np.allclose(got, wanted, rtol=1e-9, atol=1e-11 * np.abs(wanted).max())

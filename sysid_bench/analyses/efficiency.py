@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from sysid_bench.mechanics.estimation import Fit, fit_problem, problem_of
 from sysid_bench.mechanics.fisher import Bound, bound_of, crlb, inverse_information
 from sysid_bench.mechanics.identifiability import directions, entry_names, identifiability
-from sysid_bench.mechanics.likelihood import maximise
+from sysid_bench.mechanics.maximum import maximise
 from sysid_bench.mechanics.modal import sensitivity
 from sysid_bench.mechanics.second_order import ntheta, pack, undamped_modes, unpack
 from sysid_bench.mechanics.simulate import simulate, steps_within

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_bench.mechanics.likelihood import Parameters
+from sysid_bench.mechanics.maximum import Parameters
 from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.nouns import Array
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
 from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import LIMIT, TOLERANCE, Maximum, Parameters, Run, evaluate, maximise
+from sysid_bench.mechanics.likelihood import Run, evaluate
+from sysid_bench.mechanics.maximum import LIMIT, TOLERANCE, Maximum, Parameters, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.proportional import proportional_parameters, proportions
 from sysid_bench.mechanics.response import POWER, Maps

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sysid_bench.mechanics.identifiability import entry_names
-from sysid_bench.mechanics.likelihood import Parameters
+from sysid_bench.mechanics.maximum import Parameters
 from sysid_bench.nouns import Array
 
 

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.likelihood import Run, evaluate, maximise
+from sysid_bench.mechanics.likelihood import Run, evaluate
 from sysid_bench.mechanics.linear_start import equation_error_normal
+from sysid_bench.mechanics.maximum import maximise
 from sysid_bench.mechanics.modal_start import modal_start
 from sysid_bench.mechanics.refined_iv import definite, refine
 from sysid_bench.mechanics.second_order import pack, unpack

@@ -13,7 +13,8 @@ import numpy as np
 
 from sysid_bench.mechanics.estimation import in_band_run, problem_of
 from sysid_bench.mechanics.fisher import inverse_information
-from sysid_bench.mechanics.likelihood import evaluate, information_and_gradient
+from sysid_bench.mechanics.information import information_and_gradient
+from sysid_bench.mechanics.likelihood import evaluate
 from sysid_bench.mechanics.refined_iv import refine
 from sysid_bench.mechanics.second_order import poles, unpack
 from sysid_bench.mechanics.start import linear_start
