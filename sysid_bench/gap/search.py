@@ -9,6 +9,8 @@ from sysid_bench.gap.problem import Problem, frequency_range
 from sysid_bench.mechanics.effect import Seen
 from sysid_bench.nouns import Array
 
+MODULATIONS = 6  # the strongest lines of force times displacement are not seldom those of the displacement's own modes
+
 
 class Search:
     """Values worth trying for a frequency or a pitch, read off the unexplained force at one place."""
@@ -28,8 +30,8 @@ class Search:
                 found += self._peaks(self.residual[:, channel], 1, self.s.trace.omega[-1])
                 found += self._peaks(raw[:, channel], 1, self.s.trace.omega[-1])
             return sorted(set(found))
-        carrier = self.v if kind == "damping modulation" else self.x
-        return self._peaks(self.force * carrier, 3, 2.2 * self.high)
+        carrier, count = (self.v, 3) if kind == "damping modulation" else (self.x, MODULATIONS)
+        return self._peaks(self.force * carrier, count, 2.2 * self.high)
 
     def _listening(self) -> list[int]:
         """Channels in which a tone at this place is heard: all of a few, else its own sensor, else the loudest."""
