@@ -9,7 +9,7 @@ from sysid_bench.gap.problem import Problem, frequency_range
 from sysid_bench.mechanics.effect import Seen
 from sysid_bench.nouns import Array
 
-MODULATIONS = 6  # the strongest lines of force times displacement are not seldom those of the displacement's own modes
+MODULATIONS = 6  # lines tried: the strongest are not seldom those of the motion's own modes
 
 
 class Search:
