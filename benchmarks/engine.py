@@ -19,21 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 REPOSITORY = Path(__file__).parents[1]
-NOTHING = '''
-"""settings -> nothing: a cell that costs nothing, so that the engine is what is measured."""
-
-from dataclasses import dataclass
-
-
-@dataclass(frozen=True)
-class Nothing:
-    """Answers one number."""
-
-    value: float = 0.0
-
-    def compute(self, plant, sampling, rng):
-        return {"value": self.value + rng.random()}
-'''
+PLUGIN = (
+    REPOSITORY / "tests" / "trivial_plugin"
+)  # cells that cost nothing, so that the engine is what is measured
 CHUNK = 10
 TICKS = os.sysconf("SC_CLK_TCK")
 CORES, CELLS, PRICE = 1000, 10**6, 0.05  # price: of a core for an hour, in the currency of your bill
@@ -49,20 +37,10 @@ class Used:
     workers: tuple[float, ...] = ()
 
 
-def make_plugin(folder: Path) -> None:
-    (folder / "trivial").mkdir()
-    (folder / "trivial" / "__init__.py").write_text('"""A trivial analysis."""\n')
-    (folder / "trivial" / "nothing.py").write_text(NOTHING)
-    (folder / "conf" / "analysis").mkdir(parents=True)
-    (folder / "conf" / "analysis" / "nothing.yaml").write_text(
-        "_target_: trivial.nothing.Nothing\nvalue: 0.0\n"
-    )
-
-
 def trivial(folder: Path, cells: int, executor: str, *more: str) -> Used:
     """A sweep of cells that cost nothing, through the command line."""
     words = [
-        f"plugins={folder}", f"study.name={executor}_{cells}", "study.kind=analysis", "analysis=nothing",
+        f"plugins={PLUGIN}", f"study.name={executor}_{cells}", "study.kind=analysis", "analysis=nothing",
         f"study.repetitions={cells}", f"executor={executor}", *more,
     ]  # fmt: skip
     return sweep(folder, *words)
@@ -71,7 +49,7 @@ def trivial(folder: Path, cells: int, executor: str, *more: str) -> Used:
 def sweep(folder: Path, *words: str) -> Used:
     command = [sys.executable, "-m", "sysid_bench", "sweep", "views=false", *words]
     start = time.perf_counter()
-    process = subprocess.Popen(command, cwd=folder, env=environment(folder), stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(command, cwd=folder, env=environment(), stdout=subprocess.DEVNULL)
     own = peak = 0.0
     workers: dict[int, float] = {}
     while process.poll() is None:
@@ -93,8 +71,8 @@ def workers_of(pid: int) -> list[int]:
         return []
 
 
-def environment(folder: Path) -> dict[str, str]:
-    paths = os.pathsep.join([str(REPOSITORY), str(folder)])
+def environment() -> dict[str, str]:
+    paths = os.pathsep.join([str(REPOSITORY), str(PLUGIN)])
     return {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -149,7 +127,7 @@ def dask_cluster(folder: Path) -> Iterator[tuple[str, int]]:
         ]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         return subprocess.Popen(
-            [*command, "--scheduler-file", str(file), *options], cwd=folder, env=environment(folder), **quiet
+            [*command, "--scheduler-file", str(file), *options], cwd=folder, env=environment(), **quiet
         )
 
     processes = [start("scheduler", "--port", "0")]
@@ -220,7 +198,6 @@ def project(cell: float, parent: float, scheduler: float) -> None:
 def main(counts: list[int]) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        make_plugin(folder)
         for executor in ("serial", "local"):
             overhead(folder, executor, counts)
         parent, scheduler = through_dask(folder, counts[-1])

@@ -7,9 +7,11 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from sysid_bench.conf_kinds import check_kinds
 from sysid_bench.conf_words import one_message
 from sysid_bench.nouns import InputError
 
@@ -18,7 +20,7 @@ REPOSITORY = PACKAGE.parent
 # Files and free text: handed over as written, never parsed by Hydra's grammar (commas, =, spaces).
 VERBATIM = frozenset(
     "record records_dir model train test out estimate to path results_dir reference only plugins "
-    "effects_path dbc report screenshot".split()
+    "effects_path dbc report screenshot truth".split()
 )
 
 
@@ -115,7 +117,16 @@ def compose(verb: str, overrides: Sequence[str] = (), plugins: Plugins = Plugins
     cfg = _composed(verb, wanted, plugins)
     for group, path in files.items():
         cfg[group], cfg["choices"][group] = _node(path), path
+    check_kinds(cfg, _own_file(verb))
     return cfg
+
+
+@lru_cache(maxsize=32)
+def _own_file(verb: str) -> dict[str, Any]:
+    """What conf/<verb>.yaml itself says."""
+    import yaml
+
+    return yaml.safe_load((home().conf / f"{verb}.yaml").read_text())
 
 
 def _is_node_file(key: str, value: str) -> bool:

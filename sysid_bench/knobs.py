@@ -26,8 +26,8 @@ def check_knobs(cls: type, values: Mapping[str, Any]) -> None:
     """
     for name, value in values.items():
         hint = _hints(cls).get(name, Any)
-        if not _fits(value, hint):
-            raise InputError(f"{cls.__name__}.{name} must be {_said(hint)}; got {value!r:.60}.")
+        if not fits(value, hint):
+            raise InputError(f"{cls.__name__}.{name} must be {said(hint)}; got {value!r:.60}.")
 
 
 @lru_cache(maxsize=512)
@@ -38,15 +38,15 @@ def _hints(cls: type) -> dict[str, Any]:
         return {}
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    kind = get_origin(hint)
+def fits(value: Any, hint: Any) -> bool:
+    """Whether an annotation admits a value; True for annotations other than numbers, words, lists and mappings."""
+    kind = get_origin(hint) or hint
     if kind in (Union, types.UnionType):
-        return any(_fits(value, part) for part in get_args(hint))
+        return any(fits(value, part) for part in get_args(hint))
     if kind is Literal:
         return value in get_args(hint)
     if kind in (list, tuple):
-        inner = [part for part in get_args(hint) if part is not Ellipsis] or [Any]
-        return isinstance(value, list | tuple) and all(any(_fits(x, part) for part in inner) for x in value)
+        return isinstance(value, list | tuple) and _fits_parts(value, kind, get_args(hint))
     if kind is abc.Mapping:
         return isinstance(value, Mapping)
     if hint is float:
@@ -56,14 +56,22 @@ def _fits(value: Any, hint: Any) -> bool:
     return isinstance(value, hint) if hint in _WORDS else True
 
 
-def _said(hint: Any) -> str:
-    kind = get_origin(hint)
+def _fits_parts(values: list[Any] | tuple[Any, ...], kind: type, parts: tuple[Any, ...]) -> bool:
+    inner = [part for part in parts if part is not Ellipsis] or [Any]
+    told = kind is list or len(inner) < len(parts) or not parts or len(values) == len(parts)
+    return told and all(any(fits(x, part) for part in inner) for x in values)
+
+
+def said(hint: Any) -> str:
+    """An annotation in words."""
+    kind = get_origin(hint) or hint
     if kind in (Union, types.UnionType):
-        return " or ".join(_said(part) for part in get_args(hint))
+        return " or ".join(said(part) for part in get_args(hint))
     if kind is Literal:
         return "one of " + ", ".join(map(str, get_args(hint)))
     if kind in (list, tuple):
-        return "a list"
+        count = len(get_args(hint)) if kind is tuple and Ellipsis not in get_args(hint) else 0
+        return f"a list of {count}" if count else "a list"
     if kind is abc.Mapping:
         return "a mapping"
     return _WORDS.get(hint, "something else")

@@ -241,6 +241,18 @@ def test_ten_million_samples_through_the_doors(tmp_path: Path, model: Path) -> N
     assert estimate["status"] == "ok"
 
 
+def test_gap_refuses_records_that_would_fill_the_memory(tmp_path: Path, capsys, model: Path) -> None:
+    N = 1_000_001
+    t, u = 0.1 * np.arange(N), np.ones((N, 1))
+    u[::2] = -1.0
+    write_record(Record(t, u, 0.1 * u, "zoh"), tmp_path / "long.parquet")
+    good = csv(tmp_path / "good.csv", *spoilt("nothing"))
+    for train, test in ((tmp_path / "long.parquet", good), (good, tmp_path / "long.parquet")):
+        words = [f"train={train}", f"test={test}", f"model={model}", f"out={tmp_path / 'gap'}"]
+        code, said = call(capsys, "gap", *words)
+        assert code == 2 and "1,000,001 samples of 1 degree(s) of freedom" in said, said
+
+
 def test_outside_the_results_folder_is_refused(tmp_path: Path, capsys) -> None:
     for name in ("../out", "/tmp/out", "..", ".", "a/../../b", "", "\\0"):
         code, _ = call(capsys, "sweep", "plant=one_dof", f"study.name={name}", f"results_dir={tmp_path / 'results'}",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from trivial_study import Runner, kill_after, table, words, workers_of, write_plugin
+from trivial_study import Runner, kill_after, table, words, workers_of
 
 from sysid_bench.store import Store
 
@@ -21,7 +21,6 @@ KILLS, CELLS, MANY = 50, 500, 6000
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("trivial")
-    write_plugin(folder / "plugin")
     return folder
 
 
@@ -35,9 +34,9 @@ def runner(home: Path) -> Iterator[Runner]:
 @pytest.fixture(scope="module")
 def undisturbed(home: Path, runner: Runner) -> tuple[dict[str, list[str]], float]:
     """(the table, the seconds that it takes)"""
-    assert runner.run(words(home / "plugin", home / "first", 1, "executor=serial")) == 0
+    assert runner.run(words(home / "first", 1, "executor=serial")) == 0
     start = time.monotonic()
-    assert runner.run(words(home / "plugin", home / "whole", CELLS, "executor=serial")) == 0
+    assert runner.run(words(home / "whole", CELLS, "executor=serial")) == 0
     return table(home / "whole"), time.monotonic() - start
 
 
@@ -54,7 +53,7 @@ def test_killed_at_random_moments_it_ends_in_the_same_table(home, runner, undist
     while kills.total() < KILLS:
         studies += 1
         results = home / f"killed{studies}"
-        line = words(home / "plugin", results, CELLS)
+        line = words(results, CELLS)
         finished, attempts = False, 0
         while not finished:
             attempts += 1
@@ -78,7 +77,7 @@ def test_killed_at_random_moments_it_ends_in_the_same_table(home, runner, undist
 
 
 def test_a_killed_sweep_leaves_no_worker_behind(home: Path, runner: Runner) -> None:
-    pid = runner.start(words(home / "plugin", home / "orphans", 5000, "executor=local", "executor.workers=2"))
+    pid = runner.start(words(home / "orphans", 5000, "executor=local", "executor.workers=2"))
     while len(found := workers_of(pid)) < 2:
         time.sleep(0.01)
     kill_after(0.3)(pid)
@@ -90,7 +89,7 @@ def test_a_killed_sweep_leaves_no_worker_behind(home: Path, runner: Runner) -> N
 def test_two_sweeps_of_one_study_do_each_other_no_harm(home: Path, runner: Runner, undisturbed) -> None:
     whole, seconds = undisturbed
     other = Runner(home)
-    line = words(home / "plugin", home / "both", CELLS, "executor=serial")
+    line = words(home / "both", CELLS, "executor=serial")
     runner.start(line)
     code = other.run(line, kill_after(seconds / 3))
     assert code in (0, -9) and other.run(line) == 0, other.log.read_text()
@@ -123,7 +122,7 @@ def kept_rows(results: Path) -> int:
 def test_a_full_disk_stops_the_sweep_and_room_lets_it_go_on(home, runner, small_disk) -> None:
     """The disk holds the rows of half a second (one transaction) on the fastest machine, and not those of all cells."""
     resize(small_disk, "1200k")
-    line = words(home / "plugin", small_disk, MANY, "executor=serial")
+    line = words(small_disk, MANY, "executor=serial")
     assert runner.run(line) == 2
     said = runner.log.read_text().strip().splitlines()
     assert (
@@ -134,7 +133,7 @@ def test_a_full_disk_stops_the_sweep_and_room_lets_it_go_on(home, runner, small_
     resize(small_disk, "100m")
     assert 0 < kept_rows(small_disk) < MANY
     assert runner.run(line) == 0, runner.log.read_text()
-    assert runner.run(words(home / "plugin", home / "many", MANY, "executor=serial")) == 0
+    assert runner.run(words(home / "many", MANY, "executor=serial")) == 0
     assert table(small_disk) == table(home / "many")
 
 
@@ -154,7 +153,7 @@ def test_a_file_that_may_not_grow_stops_the_sweep_too(home: Path, undisturbed, t
     """Where no file system can be mounted: the limit of a file's size is a full disk, to the sweep."""
     limited = Runner(tmp_path)
     resource.prlimit(limited.process.pid, resource.RLIMIT_FSIZE, (150_000, resource.RLIM_INFINITY))
-    line = words(home / "plugin", tmp_path, CELLS, "executor=serial")
+    line = words(tmp_path, CELLS, "executor=serial")
     assert limited.run(line) == 2
     assert "those stored are kept" in limited.log.read_text().splitlines()[-1]
     resource.prlimit(

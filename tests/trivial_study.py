@@ -20,38 +20,13 @@ import psutil
 from sysid_bench.table import read_table
 
 REPOSITORY = Path(__file__).parents[1]
-NOTHING = '''
-"""settings -> one random number: a cell that costs nothing."""
-
-from dataclasses import dataclass
+PLUGIN = REPOSITORY / "tests" / "trivial_plugin"  # the analysis of nothing, as a user's own package
 
 
-@dataclass(frozen=True)
-class Nothing:
-    """Answers one number."""
-
-    value: float = 0.0
-
-    def compute(self, plant, sampling, rng):
-        return {"value": self.value + rng.random()}
-'''
-
-
-def write_plugin(folder: Path) -> None:
-    """The analysis of nothing as a user's own package."""
-    (folder / "conf" / "analysis").mkdir(parents=True)
-    (folder / "trivial").mkdir()
-    (folder / "trivial" / "__init__.py").write_text('"""A trivial analysis."""\n')
-    (folder / "trivial" / "nothing.py").write_text(NOTHING)
-    (folder / "conf" / "analysis" / "nothing.yaml").write_text(
-        "_target_: trivial.nothing.Nothing\nvalue: 0.0\n"
-    )
-
-
-def words(plugin: Path, results: Path, cells: int, *more: str) -> list[str]:
+def words(results: Path, cells: int, *more: str) -> list[str]:
     """The command line of the study."""
     fixed = [
-        f"plugins={plugin}",
+        f"plugins={PLUGIN}",
         "study.name=trivial",
         "study.kind=analysis",
         "analysis=nothing",

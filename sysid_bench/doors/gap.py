@@ -34,9 +34,10 @@ def main(cfg: dict[str, Any]) -> int:
     model = read_model(cfg["model"], own)
     paired = [[pair(read_record(f), model) for f in group] for group in (train_files, test_files)]
     train, test = ([record for record, _, _ in group] for group in paired)
-    rules = Rules(**cfg["rules"])
-    limits: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in cfg["thresholds"].items()}
-    thresholds = Thresholds(**limits)
+    rules, thresholds = (
+        build({"_target_": f"{kind.__module__}.{kind.__name__}", **cfg[name]})
+        for name, kind in (("rules", Rules), ("thresholds", Thresholds))
+    )
 
     def tell(line: str) -> None:
         print(f"[{time.perf_counter() - begun:6.2f} s] {line}", file=sys.stderr, flush=True)

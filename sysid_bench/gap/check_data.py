@@ -13,6 +13,7 @@ from sysid_bench.nouns import Array, InputError, Record
 NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
 FEWEST_CLIPPED = 6
 LARGEST = 1e100
+MOST = 1_000_000  # samples times degrees of freedom: 3 GB for one degree of freedom and no effect
 AT_REST = 0.05  # of the rms step between samples: a sensor that sticks lets go with a jump
 
 
@@ -70,6 +71,21 @@ def refuse_unusable(records: list[Record], role: str) -> None:
                 f"{role}: output {c} is {y[0]:g} in all {len(y)} samples: its sensor is dead, or nothing moved. "
                 "Give records in which it moves, or leave the output out of the records and of output_map."
             )
+
+
+def refuse_too_long(records: list[Record], role: str, n: int) -> None:
+    """Raises InputError where records of n degrees of freedom would fill the memory; holes count as samples."""
+    samples = sum(_on_a_grid(r) for r in records)
+    if samples * n > MOST:
+        raise InputError(
+            f"{role}: {samples:,} samples of {n} degree(s) of freedom; the gap workflow takes {MOST // n:,} of them. "
+            "Give a stretch of the record, or a lower sampling rate."
+        )
+
+
+def _on_a_grid(record: Record) -> int:
+    step = float(np.median(np.diff(record.t))) if record.N > 1 else 0.0
+    return max(record.N, round((record.t[-1] - record.t[0]) / step) + 1) if step > 0 else record.N
 
 
 def _good(record: Record) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.candidates import Screen
-from sysid_bench.gap.check_data import DataCheck, check_data, refuse_unusable
+from sysid_bench.gap.check_data import DataCheck, check_data, refuse_too_long, refuse_unusable
 from sysid_bench.gap.choose import choose
 from sysid_bench.gap.choose_on_force import choose_on_force
 from sysid_bench.gap.colour import Floor, mean_floor
@@ -117,8 +117,9 @@ def find_gap(
         raise InputError("the gap workflow needs a model with mass, damping and stiffness values.")
     if not (is_compiled(stepping.run) and is_compiled(tangents)):
         tell(f"compiling the simulation, once per machine: some {SECONDS} seconds")
-    refuse_unusable(train, "train")
-    refuse_unusable(test, "test")
+    for records, role in ((train, "train"), (test, "test")):
+        refuse_too_long(records, role, model.n)
+        refuse_unusable(records, role)
     check = check_data(train)
     for remark in check.remarks:
         tell(remark)
