@@ -18,7 +18,8 @@ from sysid_bench.files.provenance import provenance
 from sysid_bench.files.yaml_text import yaml_text
 from sysid_bench.gap.decide import Thresholds
 from sysid_bench.gap.experiment import Settling, proposals, settling
-from sysid_bench.gap.show import alike, gap_values
+from sysid_bench.gap.rivals import alike
+from sysid_bench.gap.show import gap_values
 from sysid_bench.gap.story import Rules
 from sysid_bench.gap.workflow import Answer, find_gap
 from sysid_bench.nouns import InputError, Record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -104,6 +105,11 @@ def _small(problem: Problem, now: Fit) -> bool:
 def place_words(dof) -> str:
     """DOF 0, or DOFs 0 and 1."""
     return f"DOFs {dof[0]} and {dof[1]}" if isinstance(dof, tuple) else f"DOF {dof}"
+
+
+def place_value(dof) -> Any:
+    """A place as JSON has it: a number, a pair as a list, null."""
+    return list(dof) if isinstance(dof, tuple) else dof
 
 
 def moves(problem: Problem, fit: Fit) -> list[dict]:
