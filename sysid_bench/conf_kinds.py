@@ -19,7 +19,8 @@ def check_kinds(given: Mapping[str, Any], usual: Mapping[str, Any], above: str =
     """
     for key, value in usual.items():
         if key == "defaults":
-            _check_options(given, value)
+            if "axes" not in usual:  # of a study: axes and cases name options too, the plan looks at them
+                _check_options(given, value)
         elif value is not None and not (key in MAY_BE_NULL and given[key] is None):
             _check(given[key], value, above + key)
 
