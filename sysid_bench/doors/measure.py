@@ -32,6 +32,8 @@ from sysid_bench.measure.session import Session
 from sysid_bench.nouns import Array, InputError
 from sysid_bench.records import read_record
 
+MOST_RUNS = 1000
+
 
 @dataclass(frozen=True)
 class Run:
@@ -80,6 +82,8 @@ def expanded(cfg: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Path]]:
         if "excitation" in entry:
             run["excitation"] = _excitation(entry["excitation"], cfg["plugins"])
         stem = f"{out.stem}_{entry['name']}" if campaign else out.stem
+        if not 1 <= run["repetitions"] <= MOST_RUNS:
+            raise InputError(f"repetitions must be 1 to {MOST_RUNS}; got {run['repetitions']}.")
         for repetition in range(run["repetitions"]):
             suffix = f"_{repetition + 1}" if run["repetitions"] > 1 else ""
             yield {**run, "seed": run["seed"] + repetition}, out.with_name(f"{stem}{suffix}.mcap")
@@ -94,6 +98,8 @@ def _excitation(node: dict[str, Any], plugins: Any) -> dict[str, Any]:
 
 def planned(cfg: dict[str, Any], rig: Any, out: Path) -> Run:
     """The forces of a run and, with a model, its motion. Raises InputError."""
+    if cfg["seed"] < 0:
+        raise InputError(f"seed must be a whole number 0..; got {cfg['seed']}.")
     excitation = build(cfg["excitation"], cfg["plugins"].packages)
     rng = np.random.default_rng(cfg["seed"])
     plan = commands(

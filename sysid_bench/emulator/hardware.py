@@ -29,8 +29,8 @@ class Hardware:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.noise_rms, self.quantisation, self.jitter_s) < 0:
-            raise InputError("hardware: noise_rms, quantisation and jitter_s cannot be negative.")
+        if min(self.noise_rms, self.quantisation, self.jitter_s, self.seed) < 0:
+            raise InputError("hardware: noise_rms, quantisation, jitter_s and seed cannot be negative.")
         if abs(self.drift_ppm) > 1e5:
             raise InputError(
                 f"hardware.drift_ppm={self.drift_ppm:g}: a clock that is off by more than 10 % is none."

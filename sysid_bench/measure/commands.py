@@ -9,6 +9,8 @@ import numpy as np
 
 from sysid_bench.nouns import Array, Excitation, InputError
 
+MOST = 10_000_000  # samples of a run
+
 
 @dataclass(frozen=True, eq=False)
 class Commands:
@@ -44,9 +46,14 @@ def commands(
 
     seconds is the length of one period; the signal is repeated `periods` times. The run-in, over soft_start_s,
     is the end of a periodic signal, else its first force, raised softly from zero; the run-out falls to zero.
-    Raises InputError for a run without samples.
+    Raises InputError for a run without samples, and for one of more than MOST.
     """
     h, nu = 1 / rig.rate_hz, len(rig.input_channels)
+    if (seconds * periods + 2 * soft_start_s) * rig.rate_hz > MOST:
+        raise InputError(
+            f"a run holds at most {MOST:,} samples, {MOST / rig.rate_hz:.4g} s; got seconds={seconds:g}, "
+            f"periods={periods}, soft_start_s={soft_start_s:g}."
+        )
     N = round(seconds * rig.rate_hz)
     if N < 2 or periods < 1:
         raise InputError(

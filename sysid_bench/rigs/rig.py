@@ -16,6 +16,7 @@ from sysid_bench.nouns import OUTPUTS, InputError
 PACKAGE = Path(__file__).resolve().parent.parent
 BESIDE = (PACKAGE.parent / "conf" / "rig", PACKAGE / "shipped" / "conf" / "rig")
 BITRATES_BPS = (10_000, 20_000, 50_000, 83_333, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
 STATES = ("idle", "armed", "running", "fault")
 REQUESTS = ("clear", "arm", "start", "stop")
 
@@ -101,6 +102,8 @@ class Rig:
         for name in names.split():
             if not getattr(self, name) > 0:
                 raise self._wrong(f"{name} must be positive; got {getattr(self, name)!r}")
+        if not SLOWEST_HZ <= self.rate_hz <= FASTEST_HZ:
+            raise self._wrong(f"rate_hz must be {SLOWEST_HZ:g} to {FASTEST_HZ:g} Hz; got {self.rate_hz!r}")
         if self.heartbeat and 2 * self.heartbeat_s > self.watchdog_s:
             raise self._wrong(
                 f"watchdog_s {self.watchdog_s} must be at least twice heartbeat_s {self.heartbeat_s}"
