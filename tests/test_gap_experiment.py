@@ -45,6 +45,8 @@ def test_the_class_is_named_with_the_experiment_that_splits_it(answered):
     (effect,) = values["effects"]
     names = {effect["name"], *(x["name"] for x in effect["not_told_apart_from"])}
     assert {"input_delay", "actuator_lag"} <= names
+    rivals = [(x["name"], str(x["dof"])) for x in effect["told_apart_from"] + effect["not_told_apart_from"]]
+    assert len(rivals) == len(set(rivals))
     asked = values["experiment"]
     assert asked["settles"] and {"input_delay", "actuator_lag"} <= set(asked["between"])
     stored = yaml.safe_load((answered / "experiment.yaml").read_text())

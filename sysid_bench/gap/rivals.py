@@ -26,14 +26,16 @@ ELSEWHERE = -0.02  # on the force, what takes so much more of the gap explains a
 def rivals(answer: Answer, effect: Effect) -> tuple[list, list]:
     """(told apart from, not told apart from): what else was fitted in the round that chose this effect."""
     apart, close = [], []
-    own = {(e.name, e.dof) for e in answer.story.fit.point.effects}
+    told = {(e.name, e.dof) for e in answer.story.fit.point.effects}  # and each rival once, at its best
     for r in answer.story.rounds:
         if r.chosen is None or r.chosen.effect.name != effect.name:
             continue
         for other in r.contenders:
             behind = float((other.cost - r.chosen.cost) / _linear_gap(r))
-            if (other.effect.name, other.effect.dof) in own or (answer.judged and behind < ELSEWHERE):
+            known = (other.effect.name, other.effect.dof)
+            if known in told or (answer.judged and behind < ELSEWHERE):
                 continue
+            told.add(known)
             entry = {"name": other.effect.name, "dof": place_value(other.effect.dof), "behind": behind}
             (close if _is_close(r, other) else apart).append(entry)
     for pair, why in ALIKE.items():
