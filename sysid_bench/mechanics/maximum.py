@@ -14,6 +14,7 @@ from sysid_bench.mechanics.semidefinite import solved
 from sysid_bench.nouns import Array, Diverged
 
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
+SMALL = 30  # times the tolerance: from there on what a step gained tells what the next one will
 LIMIT = 120
 FAILURES = 9
 ROUNDING = 1e-9  # of the output
@@ -54,8 +55,8 @@ def maximise(
         iterations += 1
         H, g = information_and_gradient(point, runs)
         h, s = (H, g) if parameters.slope is None else _pulled(H, g, parameters.slope(phi))
-        step = _step(h, s, phi, mu, point, runs, parameters)
-        if step is None or step.gain < tolerance:
+        step = _step(h, s, phi, mu, point, runs, parameters, tolerance)
+        if step is None or step.left < tolerance:
             converged = step is not None or _decrement(h, s) < 100 * tolerance
             phi, point = (phi, point) if step is None else (step.phi, step.point)
             break
@@ -76,7 +77,7 @@ class _Step:
     phi: Array
     point: Point
     mu: float
-    gain: float
+    left: float  # Newton decrement that remains to be gained
 
 
 def _pulled(H: Array, g: Array, T: Array) -> tuple[Array, Array]:
@@ -87,7 +88,17 @@ def _decrement(H: Array, g: Array) -> float:
     return float(g @ solved(H, g, BLIND))
 
 
-def _step(H, g, phi, mu, point, runs, parameters) -> _Step | None:
+def _left(foreseen: float, gained: float, tolerance: float) -> float:
+    """Newton decrement after a step that foresaw one of `foreseen` and gained `gained` of log-likelihood.
+
+    Where Gauss-Newton leaves a share r of the way to the maximum, it gains (1 + r) / 2 of what it foresaw.
+    """
+    if foreseen > SMALL * tolerance:
+        return np.inf
+    return foreseen * min((2 * gained / foreseen - 1) ** 2, 1.0) if foreseen > 0 else 0.0
+
+
+def _step(H, g, phi, mu, point, runs, parameters, tolerance) -> _Step | None:
     """The first damped step that does not lose likelihood; None where none is found."""
     d = np.sqrt(np.maximum(np.diag(H), 1e-300))
     Hs, gs = H / np.outer(d, d), g / d
@@ -98,6 +109,7 @@ def _step(H, g, phi, mu, point, runs, parameters) -> _Step | None:
         except (Diverged, np.linalg.LinAlgError):
             trial = None
         if trial is not None and trial.cost <= point.cost + 1e-10 * abs(point.cost):
-            return _Step(phi + move / d, trial, 0.0 if mu < 1e-5 else mu / 10, float(move @ gs))
+            left = _left(float(move @ gs), point.cost - trial.cost, tolerance)
+            return _Step(phi + move / d, trial, 0.0 if mu < 1e-5 else mu / 10, left)
         mu = max(10 * mu, 1e-3)
     return None
