@@ -10,7 +10,10 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+# Of a loop that makes no array of its own: without a count of references, which would cost more than a step's arithmetic.
+UNCOUNTED: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 SECONDS = 20  # that compiling takes, about
 
 

@@ -6,6 +6,8 @@ import math
 
 import numba as nb
 
+from sysid_bench.mechanics.compiled import UNCOUNTED
+
 # fmt: off
 NAMES = (
     "ADD SUB MUL DIV POW CONSTPOW LT LE EQ NE AND OR FMOD COPYSIGN IF_ELSE_ZERO FMIN FMAX ATAN2 HYPOT "
@@ -16,7 +18,7 @@ NAMES = (
 CODES = {name: code for code, name in enumerate(NAMES)}
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def play(operations, first, last, cells):
     """Run operations first..last on the cells. Their numbers are unsigned: no index counts from the end."""
     for k in range(first, last):
@@ -27,7 +29,7 @@ def play(operations, first, last, cells):
             cells[operations[k, 1]] = _of_one(code, a)
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def play_rows(operations, cells):
     """Run all operations on cells (nc, K): K laws of one kind at once, which share the work of reading the tape."""
     for k in range(len(operations)):
@@ -49,7 +51,7 @@ def play_rows(operations, cells):
                 cells[to, j] = _of_one(code, cells[a, j])
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _of_two(code, a, b):
     if code == ADD:
         return a + b
@@ -92,7 +94,7 @@ def _of_two(code, a, b):
     return math.nan
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _of_one(code, a):
     if code == NEG:
         return -a

@@ -10,12 +10,13 @@ from __future__ import annotations
 import numba as nb
 import numpy as np
 
+from sysid_bench.mechanics.compiled import UNCOUNTED
 from sysid_bench.mechanics.play import play, play_rows
 
 HEAD = 6
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def law_at(e, operations, laws, cells, x, v):
     """Evaluate law e at displacement x and velocity v of its place; the number of the first of its results."""
     cells[laws[e, 0]] = x
@@ -24,7 +25,7 @@ def law_at(e, operations, laws, cells, x, v):
     return laws[e, 3]
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def prepare(laws, cells, spans, mobility, Z, k, t, h, xb):
     """Put what a step knows before its end into the cells: time, step, displacements before, internal states."""
     for e in range(len(laws)):
@@ -34,14 +35,14 @@ def prepare(laws, cells, spans, mobility, Z, k, t, h, xb):
             cells[at + HEAD + i - spans[e, 2]] = Z[k, i]
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(cache=True, error_model="numpy")
 def reach(C, G1):
     """HX, HV (ne, ne): displacement and velocity that a force at place d, rising over a step, takes from place e."""
     n = C.shape[1]
     return C @ np.ascontiguousarray(G1[:, :n].T), C @ np.ascontiguousarray(G1[:, n:].T)
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _solve_force(e, xa, va, hx, hv, f, operations, results, laws, cells):
     """f = law(xa - hx f, va - hv f): Newton, kept inside the bracket of the sign changes seen."""
     low, high = -np.inf, np.inf
@@ -73,7 +74,7 @@ def _solve_force(e, xa, va, hx, hv, f, operations, results, laws, cells):
     return f
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _eliminate(system, r):
     """Solve in place, r becoming the solution; False where a pivot is too small for elimination in order."""
     ne = len(r)
@@ -92,11 +93,12 @@ def _eliminate(system, r):
     return True
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _solve_together(xa, va, HX, HV, f, operations, results, laws, cells, trial, r, system):
     """All forces of one step by Newton on their joint equations; True where it converged (else f is as it was)."""
     ne = len(f)
-    trial[:] = f
+    for e in range(ne):
+        trial[e] = f[e]
     for _ in range(12):
         done = True
         for e in range(ne):
@@ -112,15 +114,17 @@ def _solve_together(xa, va, HX, HV, f, operations, results, laws, cells, trial, 
                 system[e, d] = cells[results[at + 1]] * HX[e, d] + cells[results[at + 2]] * HV[e, d]
             system[e, e] += 1.0
         if done:
-            f[:] = trial
+            for e in range(ne):
+                f[e] = trial[e]
             return True
         if not _eliminate(system, r):
             return False
-        trial += r
+        for e in range(ne):
+            trial[e] += r[e]
     return False
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def _solve_in_turn(xa, va, HX, HV, f, operations, results, laws, cells):
     """The forces of one step, each alone with the others as they are, until none moves."""
     ne = len(f)
@@ -140,7 +144,7 @@ def _solve_in_turn(xa, va, HX, HV, f, operations, results, laws, cells):
             break
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
+@nb.njit(**UNCOUNTED, forceinline=True)
 def place(C, X, k, xs, vs):
     """Displacements and velocities xs, vs (ne,) of the places at state X[k]."""
     ne, n = C.shape
@@ -151,35 +155,56 @@ def place(C, X, k, xs, vs):
             vs[e] += C[e, i] * X[k, n + i]
 
 
-@nb.njit(cache=True, error_model="numpy", forceinline=True)
-def _without_end_forces(Ad, W, G0, X, F, k):
-    """X[k + 1], but for what the effects' forces at its end add."""
+@nb.njit(**UNCOUNTED, forceinline=True)
+def _without_end_forces(columns, W, G0, X, F, k):
+    """X[k + 1], but for what the effects' forces at its end add. columns (nx, nx): the transpose of Ad.
+
+    Two columns at a time: each state is read and written half as often.
+    """
     ne, nx = G0.shape
     for i in range(nx):
-        s = W[k, i]
-        for j in range(nx):
-            s += Ad[i, j] * X[k, j]
-        for e in range(ne):
-            s -= G0[e, i] * F[k, e]
-        X[k + 1, i] = s
+        X[k + 1, i] = W[k, i]
+    for j in range(0, nx, 2):
+        a, b = X[k, j], X[k, j + 1]
+        for i in range(nx):
+            X[k + 1, i] += a * columns[j, i] + b * columns[j + 1, i]
+    for e in range(ne):
+        f = F[k, e]
+        for i in range(nx):
+            X[k + 1, i] -= f * G0[e, i]
 
 
 @nb.njit(cache=True, error_model="numpy")
 def run(Ad, W, G0, G1, C, x0, z0, operations, results, laws, cells, spans, t0, h, X, F, Z):
     """Fills X (S+1, nx), F (S+1, ne), Z (S+1, nz). Returns the number of steps done (S unless it blew up)."""
-    S, nx = W.shape
     ne = len(C)
     HX, HV = reach(C, G1)
     X[0] = x0
     Z[0] = z0
-    xa, va, xb, vb = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros(ne)
-    f, trial, r, system = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros((ne, ne))
+    motions, forces, system = np.zeros((4, ne)), np.zeros((3, ne)), np.zeros((ne, ne))
+    done = _steps(
+        Ad.T.copy(), W, G0, G1, C, HX, HV, operations, results, laws, cells, spans, t0, h, X, F, Z,
+        motions[0], motions[1], motions[2], motions[3], forces[0], forces[1], forces[2], system,
+    )  # fmt: skip
+    if done < len(W):
+        X[done + 1 :] = np.nan
+    return done
+
+
+@nb.njit(**UNCOUNTED)
+def _steps(
+    columns, W, G0, G1, C, HX, HV, operations, results, laws, cells, spans, t0, h, X, F, Z,
+    xa, va, xb, vb, f, trial, r, system,
+):  # fmt: skip
+    """All steps of a run; from xa on arrays to work in, for nothing is allocated here and no reference counted."""
+    S, nx = W.shape
+    ne = len(C)
     place(C, X, 0, xb, vb)
     prepare(laws, cells, spans, HV, Z, 0, t0, h, xb)
     for e in range(ne):
         F[0, e] = f[e] = cells[results[law_at(e, operations, laws, cells, xb[e], vb[e])]]
     for k in range(S):
-        _without_end_forces(Ad, W, G0, X, F, k)
+        _without_end_forces(columns, W, G0, X, F, k)
         if ne == 0:
             continue
         place(C, X, k + 1, xa, va)
@@ -199,7 +224,6 @@ def run(Ad, W, G0, G1, C, x0, z0, operations, results, laws, cells, spans, t0, h
             if not abs(X[k + 1, i]) < 1e100:
                 fine = False
         if not fine:
-            X[k + 1 :] = np.nan
             return k
         place(C, X, k + 1, xb, vb)
     return S

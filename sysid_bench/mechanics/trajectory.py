@@ -57,7 +57,10 @@ def laws_of(forces: tuple[Effect, ...]) -> Laws:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The small steps of one simulation: X (S+1, nx), F (S+1, ne) forces, Z (S+1, nz), stage inputs (S, 3, n) in N."""
+    """The small steps of one simulation: X (S+1, nx), F (S+1, ne) forces, Z (S+1, nz).
+
+    drive (S, 3, nu): stage inputs past the actuators; pushed (S, 3, n_own) N: further forces, None where there are none
+    """
 
     assembly: Assembly
     step: Step
@@ -65,17 +68,22 @@ class Trajectory:
     X: Array
     F: Array
     Z: Array
-    stages: Array
+    drive: Array
+    pushed: Array | None
     h: float
     substeps: int
     t0: float = 0.0
 
     def accelerations(self) -> Array:
         """(S, 2, n) at the start and the end of every small step."""
-        n, A = self.assembly.n, self.assembly
-        rest = self.X[:, n:] @ A.D.T + self.X[:, :n] @ A.K.T + self.F @ A.directions
-        ends = np.stack([self.stages[:, 0] - rest[:-1], self.stages[:, 2] - rest[1:]], axis=1)
-        return ends @ self.step.inverse_mass.T
+        n, A, light = self.assembly.n, self.assembly, self.step.inverse_mass.T
+        rest = self.X @ (np.hstack([A.K, A.D]).T @ light) + self.F @ (A.directions @ light)
+        ends = np.empty((len(self.drive), 2, n))
+        for k, (stage, left) in enumerate(((0, rest[:-1]), (2, rest[1:]))):
+            np.subtract(self.drive[:, stage] @ (A.L.T @ light), left, out=ends[:, k])
+            if self.pushed is not None:
+                ends[:, k] += self.pushed[:, stage] @ light[: A.n_own]
+        return ends
 
     def motion(self) -> tuple[Array, Array, Array]:
         """q, v, a (N, n) at the samples, hidden DOFs included; a is that just after the sample."""
@@ -102,17 +110,18 @@ def trajectory(
     A = assembly
     step = exact_step(A.M, A.D, A.K, small)
     laws = laws_of(A.forces)
-    force = actuated(A, stages, small) @ A.L.T
+    drive = actuated(A, stages, small)
+    S, kinds = len(drive), (step.start.T, step.middle.T, step.end.T)
+    W = drive.reshape(S, -1) @ np.concatenate([A.L.T @ one for one in kinds])
     if pushed is not None:
-        force[:, :, : A.n_own] += pushed
-    W = force[:, 0] @ step.start.T + force[:, 1] @ step.middle.T + force[:, 2] @ step.end.T
+        W += pushed.reshape(S, -1) @ np.concatenate([one[: A.n_own] for one in kinds])
     x0 = np.zeros(2 * A.n) if x0 is None else hidden_start(A, x0)
     z0 = initial_states(A.forces, A.directions, x0[: A.n])
-    S, ne = len(W), len(A.forces)
+    ne = len(A.forces)
     X, F, Z = np.empty((S + 1, 2 * A.n)), np.zeros((S + 1, ne)), np.zeros((S + 1, laws.nz))
     G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
     stepping.run(
         step.Ad, W, G0, G1, A.directions, x0, z0, *laws.value.code, laws.cells(laws.value), laws.spans, t0, small,
         X, F, Z,
     )  # fmt: skip
-    return Trajectory(A, step, laws, X, F, Z, force, small, substeps, t0)
+    return Trajectory(A, step, laws, X, F, Z, drive, pushed, small, substeps, t0)
