@@ -105,10 +105,17 @@ def thin(rows: Array) -> Array:
 
     What explains everything before does so after: the map is linear.
     """
-    fold = -(-len(rows) // MOST_ROWS)
+    fold, signs = sketch(len(rows))
     if fold == 1:
         return rows
-    signs = np.random.default_rng(len(rows)).choice([-1.0, 1.0], len(rows))
     padded = np.zeros((-(-len(rows) // fold) * fold, *rows.shape[1:]))
     padded[: len(rows)] = rows * signs.reshape(-1, *([1] * (rows.ndim - 1)))
     return padded.reshape(-1, fold, *rows.shape[1:]).sum(axis=1)
+
+
+def sketch(length: int) -> tuple[int, Array]:
+    """(how many neighbours are added, the sign (length,) of each row)."""
+    fold = -(-length // MOST_ROWS)
+    if fold == 1:
+        return 1, np.ones(length)
+    return fold, np.random.default_rng(length).choice([-1.0, 1.0], length)

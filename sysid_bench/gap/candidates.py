@@ -75,15 +75,19 @@ class Shelf:
 def shelved(b: Basis, A: Array, groups: list, decoy: list[bool]) -> Shelf:
     """Columns A (rows, m) made ready; groups: (first, last, make, price) of each suspect."""
     A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
-    norms = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    A = A / norms
+    norms = np.sqrt(np.maximum(_squares(A), 1e-300))
+    A /= norms
     QA = b.Q.T @ A
-    grams = [_square(A[:, i:j]) - _square(QA[:, i:j]) for i, j, _, _ in groups]
+    alone = (_squares(A) - _squares(QA)).reshape(-1, 1, 1)
+    grams = [
+        alone[i] if j == i + 1 else A[:, i:j].T @ A[:, i:j] - QA[:, i:j].T @ QA[:, i:j]
+        for i, j, _, _ in groups
+    ]
     return Shelf(A, QA, norms, grams, groups, decoy)
 
 
-def _square(A: Array) -> Array:
-    return A.T @ A
+def _squares(A: Array) -> Array:
+    return np.einsum("ij,ij->j", A, A)
 
 
 def judged(problem: Problem, b: Basis, shelf: Shelf, known: Array | None = None) -> list[Candidate]:
@@ -92,29 +96,32 @@ def judged(problem: Problem, b: Basis, shelf: Shelf, known: Array | None = None)
     if known is not None:
         KA = known.T @ shelf.A
         r = r - known @ (known.T @ r)
-    target = shelf.A.T @ r
-    price, nt = np.log(len(b.r)), len(problem.entries)
-    solve, projected, QA = np.linalg.pinv(b.R, rcond=1e-9), b.Q.T @ b.target, shelf.QA
-    out = []
-    for (first, last, make, parameters), gram, is_decoy in zip(shelf.groups, shelf.grams, shelf.decoy):
-        S = gram + 1e-6 * np.eye(last - first)
-        if KA is not None:
-            S = S - _square(KA[:, first:last])
-        y = np.linalg.solve(S, target[first:last])
-        explained = float(2 * y @ target[first:last] - y @ S @ y)
-        if not np.isfinite(explained):
-            continue
-        c = y / shelf.norms[first:last]
-        effect = make(c)
-        if effect is None:
-            continue
-        x = solve @ (projected - QA[:, first:last] @ y) / b.norms
-        theta = np.clip(b.theta0 + x[b.offset : b.offset + nt], -0.95, 2.0)
-        unit = float(gram[0, 0] * shelf.norms[first] ** 2)
-        out.append(
-            Candidate(effect, explained, explained - parameters * price, c, theta, is_decoy, unit_energy=unit)
-        )
+    target, nt = shelf.A.T @ r, len(problem.entries)
+    y, explained = _small_fits(shelf, target, KA)
+    shares = np.add.reduceat(shelf.QA * y, [first for first, _, _, _ in shelf.groups], axis=1)
+    X = np.linalg.pinv(b.R, rcond=1e-9) @ ((b.Q.T @ b.target)[:, None] - shares) / b.norms[:, None]
+    theta = np.clip(b.theta0[:, None] + X[b.offset : b.offset + nt], -0.95, 2.0).T
+    price, coefficients, out = np.log(len(b.r)), y / shelf.norms, []
+    for k, (first, last, make, parameters) in enumerate(shelf.groups):
+        c, gained = coefficients[first:last], float(explained[k])
+        effect = make(c) if np.isfinite(gained) else None
+        if effect is not None:
+            unit = float(shelf.grams[k][0, 0] * shelf.norms[first] ** 2)
+            score = gained - parameters * price
+            out.append(Candidate(effect, gained, score, c, theta[k], shelf.decoy[k], unit_energy=unit))
     return out
+
+
+def _small_fits(shelf: Shelf, target: Array, KA: Array | None) -> tuple[Array, Array]:
+    """(y (m,), energy (groups,)): each group's own least squares, and what it explains; KA: what is known of the columns."""
+    y, explained = np.empty(len(target)), np.empty(len(shelf.groups))
+    for k, ((first, last, _, _), gram) in enumerate(zip(shelf.groups, shelf.grams)):
+        S, t = gram + 1e-6 * np.eye(last - first), target[first:last]
+        if KA is not None:
+            S = S - KA[:, first:last].T @ KA[:, first:last]
+        y[first:last] = one = t / S[0, 0] if len(t) == 1 else np.linalg.solve(S, t)
+        explained[k] = 2 * one @ t - one @ S @ one
+    return y, explained
 
 
 def judge(problem: Problem, b: Basis, A: Array, groups: list, decoy: list[bool]) -> list[Candidate]:

@@ -119,15 +119,15 @@ def measured_spectrum(problem: Problem, trace: Trace, run) -> np.ndarray:
     return trace.spectrum(y)[:, :, None]
 
 
-def mode_columns(s: SeenMotion, c: Array, w0: Array, zeta: Array) -> np.ndarray:
-    """(F, ny, m) response to hidden masses of 1 kg that resonate at w0 (m,) rad/s with damping ratio zeta (m,)."""
+def mode_spectra(s: SeenMotion, c: Array, w0: Array, zeta: Array) -> np.ndarray:
+    """(F, m) force on c of hidden masses of 1 kg that resonate at w0 (m,) rad/s with damping ratio zeta (m,)."""
     w = s.trace.omega[:, None]
     H = -(w**2) * (w0**2 + 2j * zeta * w0 * w) / (w0**2 - w**2 + 2j * zeta * w0 * w)
-    X = s.trace.spectrum(s.q @ c)[:, None] * H
-    return -(s.G[:, :, : len(c)] @ c)[:, :, None] * X[:, None, :]
+    return s.trace.spectrum(s.q @ c)[:, None] * H
 
 
 def mode_column(problem: Problem, s: SeenMotion, mode: Effect) -> np.ndarray:
     """(F, ny) response to one hidden mode."""
     w0, zeta = np.array([2 * np.pi * mode.value("frequency")]), np.array([mode.value("damping_ratio")])
-    return mode.value("mass") * mode_columns(s, direction(mode.dof, problem.model.n), w0, zeta)[:, :, 0]
+    c = direction(mode.dof, problem.model.n)
+    return -mode.value("mass") * (s.G[:, :, : len(c)] @ c) * mode_spectra(s, c, w0, zeta)

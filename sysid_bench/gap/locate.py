@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from sysid_bench.gap.basis import Basis, stack
-from sysid_bench.gap.columns import force_columns, own_columns, theta_columns
+from sysid_bench.gap.basis import Basis
+from sysid_bench.gap.columns import own_columns, theta_columns
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.motion import free_response
+from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.effect import direction
 from sysid_bench.nouns import Array
@@ -88,7 +89,7 @@ def unexplained_force(problem: Problem, s: SeenMotion, left: np.ndarray) -> tupl
 def promise_of(problem: Problem, seens, b: Basis, place) -> float:
     """Energy that a handful of general shapes explains together at a place: whether it is worth the whole catalogue."""
     c = direction(place, problem.model.n)
-    blocks = []
+    spectra = []
     for s in seens:
         x, v = s.q @ c, s.v @ c
         z, w = x / max(x.std(), 1e-300), v / max(v.std(), 1e-300)
@@ -101,8 +102,9 @@ def promise_of(problem: Problem, seens, b: Basis, place) -> float:
             np.ones_like(z),
             _follower(z),
         ]
-        blocks.append(force_columns(s, c, np.column_stack(shapes)))
-    A = np.concatenate([stack(seens, blocks), np.zeros((b.ridge, blocks[0].shape[2]))])
+        spectra.append(s.trace.spectrum(np.column_stack(shapes)))
+    A = place_rows(seens, c, spectra)
+    A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
     A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     QA, target = b.Q.T @ A, A.T @ b.r
     return float(target @ np.linalg.solve(A.T @ A - QA.T @ QA + 1e-6 * np.eye(len(target)), target))

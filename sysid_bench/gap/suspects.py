@@ -10,7 +10,7 @@ from sysid_bench.gap.columns import (
     actuated_difference,
     force_columns,
     held_otherwise,
-    mode_columns,
+    mode_spectra,
     plain_response,
     sensor_columns,
 )
@@ -18,6 +18,7 @@ from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.motion import forces_along
+from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem, frequency_range
 from sysid_bench.gap.search import Search, sizes
 from sysid_bench.mechanics.assembly import effect_channels
@@ -50,16 +51,16 @@ def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) 
         decoy.append(is_decoy)
         at += width
     forces = [forces_along(columns, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for s in seens]
-    blocks = [force_columns(s, c, f) for s, f in zip(seens, forces)]
+    spectra = [s.trace.spectrum(f) for s, f in zip(seens, forces)]
     extra_mode = any(k.name == "extra_mode" for k in catalogue) and ("extra_mode", place) not in taken
     if isinstance(place, int) and extra_mode:  # two at one DOF would follow any force of other DOFs
         more, makes = _hidden_modes(problem, seens, c, place, catalogue)
-        blocks = [np.concatenate([one, two], axis=2) for one, two in zip(blocks, more)]
+        spectra = [np.concatenate([one, two], axis=1) for one, two in zip(spectra, more)]
         for make in makes:
             groups.append((at, at + 1, make, 3))
             decoy.append(False)
             at += 1
-    return shelved(b, stack(seens, blocks), groups, decoy)
+    return shelved(b, place_rows(seens, c, spectra), groups, decoy)
 
 
 def _not_here(name: str, place) -> bool:
@@ -68,7 +69,7 @@ def _not_here(name: str, place) -> bool:
 
 
 def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
-    """Columns and makers of one more mode at a DOF, over a grid finer than the modes are wide."""
+    """Spectra and makers of one more mode at a DOF, over a grid finer than the modes are wide."""
     kind = next(k for k in catalogue if k.name == "extra_mode")
     low, high = frequency_range(problem.model, seens[0].trace)
     grid = [
@@ -77,7 +78,7 @@ def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
         for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
     ]
     w0, zeta = np.array([g[0] for g in grid]), np.array([g[1] for g in grid])
-    blocks = [mode_columns(s, c, w0, zeta) for s in seens]
+    spectra = [mode_spectra(s, c, w0, zeta) for s in seens]
 
     def maker(w, zeta):
         return lambda k: (
@@ -86,7 +87,7 @@ def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
             else None
         )
 
-    return blocks, [maker(*g) for g in grid]
+    return spectra, [maker(*g) for g in grid]
 
 
 def couplings(problem: Problem, seens, b: Basis) -> Shelf | None:
