@@ -76,14 +76,15 @@ def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float)
 
 def _remembered(alike: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
     """The same of effects of one kind whose force depends on what was."""
-    one, states = join([law_tapes(alike[0])[2]]), alike[0].states
+    force, states = law_tapes(alike[0])[2], alike[0].states
+    one = join([force])
     cells = np.repeat(one.cells[:, None], len(alike), axis=1)
     for k, effect in enumerate(alike):
         own = np.concatenate([effect.at_rest(float(x[0])), effect.values])
         cells[stepping.HEAD : stepping.HEAD + len(own), k] = own
     out = np.empty((len(x), len(alike)))
     x, v = np.ascontiguousarray(x), np.ascontiguousarray(v)
-    stepping.along(x, v, t0, h, one.operations, one.results, cells, states, out)
+    stepping.along(x, v, t0, h, one.operations, force.steady, one.results, cells, states, out)
     return out
 
 

@@ -20,7 +20,7 @@ def _of_one(s: Seen, c: Array, X: np.ndarray) -> Array:
     arm = -(s.G[:, :, : len(c)] @ c) * s.trace.weight
     fold, signs = sketch(2 * arm.size)
     out = np.zeros((-(-2 * arm.size // fold), X.shape[1]))
-    _fill(arm, np.ascontiguousarray(X.real), np.ascontiguousarray(X.imag), signs, fold, out)
+    _fill(arm, np.ascontiguousarray(np.real(X)), np.ascontiguousarray(np.imag(X)), signs, fold, out)
     return out
 
 

@@ -244,7 +244,9 @@ def _tapes(kind: type[Effect], layout: tuple[str, ...]):
     jacobian = ca.densify(ca.jacobian(rows, symbols))
     slopes = ca.Function("slopes", [symbols], [ca.reshape(jacobian.T, -1, 1)])
     alone = ca.Function("force", [symbols], [ca.densify(ca.vertcat(force, *following))])
-    return tape(value), tape(slopes), tape(alone)
+    steady = {HEAD.index("h"), HEAD.index("mobility")}  # and the parameters
+    varying = frozenset(range(len(HEAD) + nz)) - steady
+    return tape(value, varying), tape(slopes, varying), tape(alone, varying)
 
 
 def law_tapes(effect: Effect):

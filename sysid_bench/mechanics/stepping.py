@@ -21,16 +21,24 @@ def law_at(e, operations, laws, cells, x, v):
     """Evaluate law e at displacement x and velocity v of its place; the number of the first of its results."""
     cells[laws[e, 0]] = x
     cells[laws[e, 0] + 1] = v
-    play(operations, laws[e, 1], laws[e, 2], cells)
+    play(operations, laws[e, 5], laws[e, 2], cells)
     return laws[e, 3]
 
 
 @nb.njit(**UNCOUNTED, forceinline=True)
-def prepare(laws, cells, spans, mobility, Z, k, t, h, xb):
-    """Put what a step knows before its end into the cells: time, step, displacements before, internal states."""
+def settle(operations, laws, cells, mobility, h):
+    """What stays the same during a run: the small step, the mobilities and what depends on parameters alone."""
+    for e in range(len(laws)):
+        cells[laws[e, 0] + 3], cells[laws[e, 0] + 5] = h, mobility[e, e]
+        play(operations, laws[e, 1], laws[e, 5], cells)
+
+
+@nb.njit(**UNCOUNTED, forceinline=True)
+def prepare(laws, cells, spans, Z, k, t, xb):
+    """Put what a step knows before its end into the cells: time, displacements before, internal states."""
     for e in range(len(laws)):
         at = laws[e, 0]
-        cells[at + 2], cells[at + 3], cells[at + 4], cells[at + 5] = t, h, xb[e], mobility[e, e]
+        cells[at + 2], cells[at + 4] = t, xb[e]
         for i in range(spans[e, 2], spans[e, 3]):
             cells[at + HEAD + i - spans[e, 2]] = Z[k, i]
 
@@ -199,8 +207,9 @@ def _steps(
     """All steps of a run; from xa on arrays to work in, for nothing is allocated here and no reference counted."""
     S, nx = W.shape
     ne = len(C)
+    settle(operations, laws, cells, HV, h)
     place(C, X, 0, xb, vb)
-    prepare(laws, cells, spans, HV, Z, 0, t0, h, xb)
+    prepare(laws, cells, spans, Z, 0, t0, xb)
     for e in range(ne):
         F[0, e] = f[e] = cells[results[law_at(e, operations, laws, cells, xb[e], vb[e])]]
     for k in range(S):
@@ -208,7 +217,7 @@ def _steps(
         if ne == 0:
             continue
         place(C, X, k + 1, xa, va)
-        prepare(laws, cells, spans, HV, Z, k, t0 + (k + 1) * h, h, xb)
+        prepare(laws, cells, spans, Z, k, t0 + (k + 1) * h, xb)
         if ne < 2 or not _solve_together(
             xa, va, HX, HV, f, operations, results, laws, cells, trial, r, system
         ):
@@ -229,17 +238,19 @@ def _steps(
     return S
 
 
-@nb.njit(cache=True, error_model="numpy")
-def along(x, v, t0, h, operations, results, cells, states, out):
+@nb.njit(**UNCOUNTED)
+def along(x, v, t0, h, operations, steady, results, cells, states, out):
     """Forces (N, K) of K effects of one kind with states along a given motion x, v (N,) of their place.
 
-    cells (nc, K) of the tape that gives [f, z...]: states and parameters in their places.
+    cells (nc, K) of the tape that gives [f, z...]: states and parameters in their places; steady: see tape.Tape.
     """
     cells[3] = h
+    play_rows(operations[:steady], cells)
+    moving = operations[steady:]
     for k in range(len(x)):
         for j in range(cells.shape[1]):
             cells[0, j], cells[1, j], cells[2, j], cells[4, j] = x[k], v[k], t0 + k * h, x[max(k - 1, 0)]
-        play_rows(operations, cells)
+        play_rows(moving, cells)
         for j in range(cells.shape[1]):
             out[k, j] = cells[results[0], j]
             for i in range(states):

@@ -11,7 +11,7 @@ import numba as nb
 import numpy as np
 
 from sysid_bench.mechanics.compiled import UNCOUNTED
-from sysid_bench.mechanics.stepping import HEAD, law_at, place, prepare, reach
+from sysid_bench.mechanics.stepping import HEAD, law_at, place, prepare, reach, settle
 
 FAST = {"contract", "reassoc", "nsz"}
 
@@ -207,6 +207,7 @@ def _march(
     """All steps of the derivatives; from `shown` on arrays to work in (see stepping._steps)."""
     S, (nx, P), ne = len(X) - 1, dX.shape, len(C)
     nsub = S // (out.shape[0] - 1)
+    settle(operations, laws, cells, HV, h)
     for k in range(S + 1):
         if k % nsub == 0:
             _add_product(keep, dX, out[k // nsub])
@@ -220,7 +221,7 @@ def _march(
         _add_matrix_entries(entries, arms, X, A, k, shown, dN)
         place(C, X, k, qb, wb)
         place(C, X, k + 1, q, w)
-        prepare(laws, cells, spans, HV, Z, k, t0 + (k + 1) * h, h, qb)
+        prepare(laws, cells, spans, Z, k, t0 + (k + 1) * h, qb)
         _motion_of(C, dX, b, unused)
         _motion_of(C, dN, x, v)
         for e in range(ne):

@@ -24,21 +24,25 @@ class Tape:
     """A law as operations on numbered cells: first its inputs, then constants (nc,), then what each operation gives.
 
     operations (m, 4) unsigned: code, cell of the result, of the first and of the second operand; results (k,): cells of
-    the outputs
+    the outputs; steady: number of the first operations, which depend on no input that varies during a run
     """
 
     inputs: int
     constants: Array
     operations: np.ndarray
     results: np.ndarray
+    steady: int = 0
 
     @property
     def cells(self) -> int:
         return self.inputs + len(self.constants) + len(self.operations)
 
 
-def tape(function: ca.Function) -> Tape:
-    """Tape of an SX function of one input vector and one output vector. Raises InputError on an unknown operation."""
+def tape(function: ca.Function, varying: frozenset[int]) -> Tape:
+    """Tape of an SX function of one input vector and one output vector. Raises InputError on an unknown operation.
+
+    varying: numbers of the inputs that vary during a run
+    """
     count, inputs = function.n_instructions(), function.nnz_in()
     kinds = [_OPCODES[function.instruction_id(k)] for k in range(count)]
     constants = [float(function.instruction_constant(k)) for k in range(count) if kinds[k] == "CONST"]
@@ -61,15 +65,28 @@ def tape(function: ca.Function) -> Tape:
             held[out[0]], free = free, free + 1
         else:
             raise InputError(f"an effect's law uses {kind.lower()}; it may use {', '.join(NAMES).lower()}.")
-    return Tape(inputs, np.array(constants), np.array(rows, dtype=np.uint64).reshape(-1, 4), results)
+    steady, rest = _parted(rows, varying)
+    operations = np.array(steady + rest, dtype=np.uint64).reshape(-1, 4)
+    return Tape(inputs, np.array(constants), operations, results, len(steady))
+
+
+def _parted(rows: list[list[int]], varying: frozenset[int]) -> tuple[list, list]:
+    """Operations that depend on no varying input, and those that do, each in their order."""
+    moving, parts = set(varying), ([], [])
+    for row in rows:
+        moves = not moving.isdisjoint(row[2:])
+        parts[moves].append(row)
+        if moves:
+            moving.add(row[1])
+    return parts
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
     """Tapes end to end on one row of cells, as the compiled loops read them.
 
-    operations (m, 4); results (k,); laws (ne, 5): cell of the first input, first and last operation, first and last result;
-    cells (nc,): constants in their places
+    operations (m, 4); results (k,); laws (ne, 6): cell of the first input, first and last operation, first and last result,
+    first operation that is not steady; cells (nc,): constants in their places
     """
 
     operations: np.ndarray
@@ -87,7 +104,7 @@ def join(tapes: list[Tape]) -> Joined:
     """Tapes end to end."""
     sizes = np.array([(x.cells, len(x.operations), len(x.results)) for x in tapes], dtype=int).reshape(-1, 3)
     bases, ends, last = np.pad(np.cumsum(sizes, axis=0), ((1, 0), (0, 0))).T
-    cells = np.zeros(bases[-1])
+    cells, steady = np.zeros(bases[-1]), np.array([x.steady for x in tapes], dtype=int)
     for one, base in zip(tapes, bases):
         at = base + one.inputs
         cells[at : at + len(one.constants)] = one.constants
@@ -95,16 +112,16 @@ def join(tapes: list[Tape]) -> Joined:
     return Joined(
         np.concatenate([*(x.operations + shift * np.uint64(at) for x, at in zip(tapes, bases)), EMPTY]),
         np.concatenate([*(x.results + np.uint64(at) for x, at in zip(tapes, bases)), EMPTY[:, 0]]),
-        np.column_stack([bases[:-1], ends[:-1], ends[1:], last[:-1], last[1:]]),
+        np.column_stack([bases[:-1], ends[:-1], ends[1:], last[:-1], last[1:], ends[:-1] + steady]),
         cells,
     )
 
 
 def over(one: Tape, given: list) -> list:
     """Outputs of a tape for whole arrays at once: given holds one array or number per input."""
-    cells: list = [*given, *one.constants.tolist()]
-    for code, _, first, second in one.operations.tolist():
-        cells.append(_ARRAY[code](cells[first], cells[second]))
+    cells: list = [*given, *one.constants.tolist(), *([0.0] * len(one.operations))]
+    for code, to, first, second in one.operations.tolist():
+        cells[to] = _ARRAY[code](cells[first], cells[second])
     return [cells[k] for k in one.results.tolist()]
 
 
