@@ -1,12 +1,15 @@
 """How suspects are fitted: polished along the motion, held near it, judged in pairs; on records from the trials' engine."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import cont2discrete, dlsim
 
 from sysid_bench.effects import effect_class, names
+from sysid_bench.gap.again import pruned
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
 from sysid_bench.gap.contend import Arena, at_rest, refine
@@ -19,7 +22,7 @@ from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.traces import banded, trace_of
-from sysid_bench.gap.workflow import prepared
+from sysid_bench.gap.workflow import find_gap, prepared
 from sysid_bench.nouns import Model, Record
 
 TRIALS = Path(__file__).parents[1] / "experiments" / "hidden_effects"
@@ -125,3 +128,29 @@ def test_a_budget_keeps_a_share_for_later():
     assert budget.spent
     budget.keep(0.0)
     assert not budget.spent and not Budget().spent
+
+
+def test_a_name_too_many_is_dropped_whatever_the_budget(draw):
+    problem, _, _, truth = problem_and_screen(draw, 12, size="one", kind="single", name="cubic_stiffness")
+    both = (effect_class("cubic_stiffness")(0, **truth[0]["values"]), effect_class("constant_force")(0, 1e-9))
+    now = fit(problem, replace(problem.nominal(), effects=both), free_parameters(both))
+    spent = replace(problem, budget=Budget(0.0))
+    left = pruned(spent, now, lambda without, now: without.rss - now.rss < 25)
+    assert [e.name for e in left.point.effects] == ["cubic_stiffness"]
+
+
+def test_a_dead_band_on_two_levels_is_no_gain_where_the_levels_differ_between_records():
+    rng, h, N = np.random.default_rng(3), 0.05, 3000
+    A, B, C, _, _ = cont2discrete(
+        (np.array([[0, 1], [-25, -0.5]]), np.array([[0], [1.0]]), np.array([[1.0, 0]]), np.zeros((1, 1))), h
+    )
+    records = []
+    for level in (1.0, 0.5, 1.0):
+        u = level * np.repeat(rng.choice([-1.0, 1.0], N // 5), 5)
+        y = dlsim((A, B, C, np.zeros((1, 1)), h), u - np.clip(u, -0.2, 0.2))[1]
+        noise = 0.01 * y.std() * rng.normal(size=y.shape)
+        records.append(Record(np.arange(N) * h, u[:, None], y + noise, hold="zoh"))
+    model = Model(np.eye(1), 0.5 * np.eye(1), 25 * np.eye(1), hold="zoh")
+    answer = find_gap(records[:2], records[2:], model, power=False)
+    assert [e.name for e in answer.added] == ["input_dead_band"]
+    assert answer.added[0].values[0] == pytest.approx(0.2, rel=0.05)

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import Contender, shape_count
+from sysid_bench.gap.contend import Contender, settled, shape_count
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.problem import Problem
+from sysid_bench.gap.problem import Budget, Problem
 from sysid_bench.mechanics.effect import Effect
 
+NEAR = 2.0  # times the energy with an effect, from which a fit without it may yet find its valley
 LOST = 25.0  # energy that an effect must explain to be looked at again
 
 
@@ -42,13 +43,18 @@ def reconsidered(
 
 
 def pruned(problem: Problem, now: Fit, needless: Callable[[Fit, Fit], bool]) -> Fit:
-    """Drop effects that the others have made unnecessary: those whose fit without them is needless(without, now)."""
+    """Drop effects that the others have made unnecessary: those whose fit without them is needless(without, now).
+
+    The latest first: it may only have led an earlier one into its valley. No budget ends this: a name too many is wrong.
+    """
+    problem = replace(problem, budget=Budget())
     base = len(problem.model.effects)
-    for effect in now.point.effects[base:]:
-        lone = len(now.point.effects) < base + 2
-        if lone or effect not in now.point.effects or problem.budget.spent:
-            continue
+    for effect in reversed(now.point.effects[base:]):
+        if len(now.point.effects) < base + 2:
+            break
         without = _without(problem, now, effect)
+        if without is not None and not needless(without, now) and without.rss < NEAR * now.rss:
+            without = settled(problem, without, now)
         if without is not None and needless(without, now):
             now = without
     return now

@@ -14,9 +14,8 @@ from functools import partial
 import numpy as np
 
 from sysid_bench.gap.again import is_it, pruned, reconsidered
-from sysid_bench.gap.candidates import Candidate, Screen
+from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.contend import (
-    CLOSED,
     Arena,
     Contender,
     best_start,
@@ -29,151 +28,22 @@ from sysid_bench.gap.contend import (
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
+from sysid_bench.gap.look import UNCLEAN, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.problem import Problem, evaluate
+from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
 
-UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
-BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 PAIRS = 3  # fitted by simulation
 NEAR = 1.5  # times the best pair's rho: other frictions are tried in place of one in such a pair
 LIKE = 1.2  # times what a pair leaves that closes the gap: the screen does not tell them apart
-FAR = (
-    1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
-)
 NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
 KEPT = 0.4  # of the budget, for pairs and later effects
 SEEN = 1.5  # rho from which even such a share is looked into, beside a single effect
-CLEAR = 3.0  # rho of a refit that leaves a gap nobody overlooks
-STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
 CLEAN = 1.2  # rho at which an explanation is complete
-
-
-def noticeable(R: int) -> float:
-    """Energy beyond what the best of many suspects explains of R rows of noise, and a share of it that matters."""
-    return 30 + 4 * np.log(R) + 0.002 * R
-
-
-def look(
-    problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float, ground: Fit | None = None
-) -> Round:
-    """One screen and its finalists. ground: where to screen from, where that is known."""
-    ground = ground or _ground(problem, base)
-    R = len(base.rows)
-    screened = polished_screen(problem, screen(problem, ground, catalogue), 0.3 * noticeable(R))
-    if not screened.candidates or screened.candidates[0].explained < noticeable(R):
-        return Round(screened, [], base, None)
-    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
-    contenders: list[Contender] = []
-    arena, rest = (
-        Arena(
-            problem,
-            base,
-            leads(problem, screened.seens),
-            closed=base.rho < 1.1,
-            leads_left=5 if problem.model.n < 6 else 3,
-        ),
-        screened,
-    )
-    for _ in range(BATCHES):
-        tried = shortlist(rest, finalists)
-        contenders += _fitted(arena, screened, tried, contenders)
-        if not tried or as_promised(base, contenders, screened):
-            break
-        names = {c.effect.name for c in tried}
-        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
-    contenders += _frictions(arena, screened, contenders)
-    contenders = _with_kin(arena, contenders)
-    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules.practical))
-
-
-def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
-    """Contenders, cheapest first, with the other frictions where a friction leads."""
-    contenders = sorted(contenders, key=lambda c: c.cost)
-    named = next((c for c in contenders if not c.is_decoy), None)
-    if named is None:
-        return contenders
-    near = {(c.effect.name, c.effect.dof) for c in contenders if c.fit.rho < 1.3 * named.fit.rho}
-    return sorted([*contenders, *kindred(arena, named, near)], key=lambda c: c.cost)
-
-
-def _frictions(arena: Arena, screened: Screen, contenders: list[Contender]) -> list[Contender]:
-    """Coulomb friction where the best contender acts, and at the best place, while something is left.
-
-    A screen along a noisy motion sees little of a friction that sticks.
-    """
-    if not contenders or min(c.fit.rho for c in contenders) < CLOSED:
-        return []
-    best = min(contenders, key=lambda c: c.cost)
-    places = {best.effect.dof, max(screened.by_place, key=lambda place: screened.by_place[place])}
-    tried = {c.effect.dof for c in contenders if c.effect.name == "coulomb_friction"}
-    out = []
-    for c in screened.candidates:
-        if c.effect.name == "coulomb_friction" and c.place in places - tried:
-            one = refine(arena, c, screened.promise(c.explained))
-            out += [one] if one is not None else []
-    return out
-
-
-def _fitted(
-    arena: Arena, screened: Screen, tried: list[Candidate], before: list[Contender]
-) -> list[Contender]:
-    found: list[Contender] = []
-    for candidate in tried:
-        clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in (*before, *found))
-        # a delay and a lag are told apart by their fits alone
-        far = screened.left - candidate.explained > FAR * (screened.left - tried[0].explained)
-        behind = far and candidate.effect.path != "actuator"
-        if clean and (behind or candidate.explained < 0.9 * tried[0].explained):
-            continue  # something closes the gap already, and this one is far behind
-        one = refine(arena, candidate, screened.promise(candidate.explained))
-        if one is not None:
-            found.append(one)
-    return found
-
-
-def as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> bool:
-    """True where some fit keeps half of what its screen promised; else the screen was misled and the next are tried."""
-    left = max(base.rss - len(base.rows), 1.0)
-    share = [(base.rss - c.fit.rss) / left for c in contenders]
-    promised = [min(c.candidate.explained / max(screened.left, 1e-9), 1.0) for c in contenders]
-    return any(s > 0.5 * p for s, p in zip(share, promised))
-
-
-def _first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
-    """The first look; where it explains little and the refit is bent, another one from the other ground."""
-    first = look(problem, linear, catalogue, rules, linear_gap)
-    chosen = first.chosen
-    closed = chosen is not None and not chosen.is_decoy and chosen.fit.rho - 1 < UNCLEAN * (linear.rho - 1)
-    if closed or linear.rho < CLEAR or _bend(problem, linear) < BENT / 2:
-        return first
-    other = linear if _ground(problem, linear) is not linear else _nominal(problem, linear)
-    second = look(problem, linear, catalogue, rules, linear_gap, other)
-    better = second.chosen is not None and (chosen is None or second.chosen.cost < chosen.cost)
-    return second if better else first
-
-
-def _bend(problem: Problem, base: Fit) -> float:
-    """The largest step of an entry, in units of its prior."""
-    return float(np.max(np.abs(base.point.theta / problem.prior), initial=0.0))
-
-
-def _ground(problem: Problem, base: Fit) -> Fit:
-    """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
-    if base.rho < STRONG or _bend(problem, base) < BENT:
-        return base
-    return _nominal(problem, base)
-
-
-def _nominal(problem: Problem, base: Fit) -> Fit:
-    """The same with the nominal parameters."""
-    point = replace(base.point, theta=np.zeros_like(base.point.theta))
-    found = evaluate(problem, point)
-    return base if found is None else replace(base, point=point, rows=found[0], runs=found[1])
 
 
 def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, rules: Rules) -> bool:
@@ -193,7 +63,7 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     rules = rules or Rules()
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
     problem.budget.keep(KEPT)
-    first = _first_look(problem, linear, catalogue, rules, linear_gap)
+    first = first_look(problem, linear, catalogue, rules, linear_gap)
     problem.budget.keep(0.0)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
     shape = first.chosen

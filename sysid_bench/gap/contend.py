@@ -11,6 +11,8 @@ from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, relatives
 from sysid_bench.gap.free_run import SMOOTH
+from sysid_bench.gap.motion import seen
+from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.mechanics.effect import Effect
 
@@ -157,6 +159,18 @@ def _led(arena: Arena, choices: list[Point], free, iterations: int) -> Fit | Non
                 return None
         point = found.point
     return fit(arena.problem, point, free, iterations)
+
+
+def settled(problem: Problem, one: Fit, along: Fit, iterations: int = 12) -> Fit:
+    """A fit of laws that switch, led once more along the motion that another fit shows; itself where that is no nearer."""
+    if problem.on_force or one.rho < CLOSED or not _has_corners(one.point.effects):
+        return one
+    seens = [
+        seen(problem, along.point, *each) for each in zip(problem.traces, along.runs, along.point.starts)
+    ]
+    held = leads(problem, seens)
+    led = _led(Arena(problem, one, held), [one.point], one.parameters, iterations) if held else None
+    return led if led is not None and led.rss < one.rss else one
 
 
 def kindred(arena: Arena, one: Contender, known: set, iterations: int = 10) -> list[Contender]:

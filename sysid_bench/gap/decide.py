@@ -11,8 +11,12 @@ from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.held_out import PRACTICAL
 from sysid_bench.gap.inverse import ForceProblem
+from sysid_bench.gap.look import bend
 from sysid_bench.gap.problem import MATRICES, Problem
 from sysid_bench.gap.story import Story
+
+# Step of an entry, in priors, and times that of the refit, from which named effects are no explanation.
+BENT, BENT_BESIDE = 2.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,12 @@ def decide(
         return Verdict(
             "unknown", f"{names} leaves {100 * left:.0f} % of the gap, {now.rho:.1f} times the noise floor"
         )
+    if found and _bent(problem, story):
+        names = ", ".join(e.name for e in found)
+        return Verdict(
+            "unknown",
+            f"{names} explain it only beside M, D, K far from the nominal, where they alone would not go",
+        )
     if found and isinstance(problem, ForceProblem):
         before, after = (100 * problem.share_missed(fit) for fit in (story.linear, now))
         return Verdict(
@@ -95,6 +105,13 @@ def _too_much(rho: float, left: float, on_force: bool, thresholds: Thresholds) -
         return rho > thresholds.left_rho and left > thresholds.left_on_force
     most = rho > thresholds.left_rho and left > thresholds.left_share
     return most or (rho > thresholds.part_rho and left > thresholds.part_share)
+
+
+def _bent(problem: Problem, story: Story) -> bool:
+    """True where the effects named bend M, D, K much farther than a refit without them: shapes that only help to follow it."""
+    if problem.on_force:
+        return False
+    return bend(problem, story.fit) > max(BENT, BENT_BESIDE * bend(problem, story.linear))
 
 
 def _small(problem: Problem, now: Fit) -> bool:

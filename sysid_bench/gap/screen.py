@@ -17,10 +17,15 @@ from sysid_bench.gap.suspects import at_place, couplings, on_the_input, on_the_s
 from sysid_bench.mechanics.effect import Effect
 
 MOST_PLACES = 8
+PRIOR_SCALE = 0.7  # of the prior's width: how far from the nominal M, D, K are sought along a motion
 
 
 def screen(
-    problem: Problem, fit: Fit, catalogue: list[type[Effect]], prior_scale: float = 0.7, absent: tuple = ()
+    problem: Problem,
+    fit: Fit,
+    catalogue: list[type[Effect]],
+    prior_scale: float = PRIOR_SCALE,
+    absent: tuple = (),
 ) -> Screen:
     """Rank every effect of the catalogue, and the decoys, at every place. absent: (name, place) not to be tried."""
     seens = [

@@ -116,7 +116,9 @@ def on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> 
     L = problem.model.input_map
     blocks, groups, decoy, at = [[] for _ in seens], [], [], 0
     taken = {(e.name, e.dof) for e in point.effects}
-    plain = [plain_response(problem, seens[0], channel) for channel in range(L.shape[1])]
+    plain = [
+        np.concatenate([plain_response(problem, s, channel) for s in seens]) for channel in range(L.shape[1])
+    ]
     for kind in (*catalogue, *DECOYS):
         if kind.path != "actuator" or kind.name == "wrong_hold":
             continue
@@ -128,7 +130,7 @@ def on_the_input(problem: Problem, point: Point, seens, b: Basis, catalogue) -> 
             size = sizes(problem, seens[0], direction(dof, problem.model.n), channel, lambda kind: [])
             for one in effect.suspects(size) if size.u_rms else ():  # a drive at rest shows nothing of itself
                 new = [actuated_difference(problem, point, s, None, one.columns[0]) for s in seens]
-                if _only_gain(seens[0], new[0], plain[channel]):
+                if _only_gain(seens, new, plain[channel]):
                     continue
                 for block, column in zip(blocks, new):
                     block.append(column)
@@ -153,9 +155,9 @@ def _hold_maker(kind, hold):
     return lambda c: kind(dof=None, hold=hold) if 0.6 < c[0] < 1.5 else None
 
 
-def _only_gain(s: SeenMotion, column: np.ndarray, plain: Array) -> bool:
-    """True where a changed input acts in the band as the input times a number: a gain, not an effect."""
-    d = s.trace.rows(column)[:, 0]
+def _only_gain(seens: list[SeenMotion], columns: list[np.ndarray], plain: Array) -> bool:
+    """True where a changed input acts in the band as the input times a number, the same in all records: a gain, not an effect."""
+    d = np.concatenate([s.trace.rows(column)[:, 0] for s, column in zip(seens, columns)])
     size = np.linalg.norm(d)
     if size < 1e-6 * np.linalg.norm(plain):
         return True

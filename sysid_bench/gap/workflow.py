@@ -35,6 +35,10 @@ from sysid_bench.mechanics.tangents import tangents
 from sysid_bench.nouns import Array, InputError, Model, Record
 
 GREW = 1.01  # times the gap of the model as given, from which the better one's is said to have grown
+LOST, WORTH = (
+    2.0,
+    25.0,
+)  # times what the first story leaves, and energy, by which one told anew may lie behind
 LOWER = 0.85  # of the noise floor: from which what a fit leaves shows a lower one
 
 
@@ -156,13 +160,21 @@ def _searched(
     story = _chosen(problem, linear, catalogue, rules, tell)
     lower = _lower_floor(problem, story.fit, check)
     if lower is not None and not problem.budget.spent:
-        problem, linear = lower, linear_fit(lower) or linear
-        story = _chosen(problem, linear, catalogue, rules, tell)
+        again = linear_fit(lower) or linear
+        retold = _chosen(lower, again, catalogue, rules, tell)
+        if not _lost(lower, story.fit, retold.fit):
+            problem, linear, story = lower, again, retold
     if problem.budget.spent:
         tell(
             "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
         )
     return problem, linear, story
+
+
+def _lost(problem: Problem, first: Fit, later: Fit) -> bool:
+    """True where a search that started anew, with less budget, ends farther from the data than the first one did."""
+    found, R = evaluate(problem, first.point), len(later.rows)
+    return found is not None and later.rss - R > LOST * max(float(found[0] @ found[0]) - R, 0.0) + WORTH
 
 
 def _proofs(

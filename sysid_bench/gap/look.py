@@ -1,0 +1,206 @@
+"""problem, where it is looked at from -> a round: the screen, its finalists fitted by simulation, the cheapest one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_bench.gap.candidates import Candidate, Screen
+from sysid_bench.gap.contend import CLOSED, Arena, Contender, cheapest, kindred, refine
+from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.finalists import polished_screen, shortlist
+from sysid_bench.gap.nudge import leads
+from sysid_bench.gap.problem import Problem, evaluate
+from sysid_bench.gap.screen import PRIOR_SCALE, screen
+from sysid_bench.gap.story import Round, Rules
+
+UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
+BATCHES = 3  # of finalists, where the screen promises what no fit keeps
+FAR = (
+    1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
+)
+HARDLY = 0.5  # of what is left: where every suspect leaves more, the screen was misled
+CLEAR = 1.5  # rho of a refit that leaves a gap nobody overlooks
+STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
+MISLED = (
+    0.25  # of what a refit leaves: where M, D, K leave less in a screen, it takes them for more than they are
+)
+
+
+def noticeable(R: int) -> float:
+    """Energy beyond what the best of many suspects explains of R rows of noise, and a share of it that matters."""
+    return 30 + 4 * np.log(R) + 0.002 * R
+
+
+def look(
+    problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float, screened: Screen | None = None
+) -> Round:
+    """One screen and its finalists. screened: what they are taken from, where that is known."""
+    screened = screened or view(problem, _ground(problem, base), catalogue)
+    R = len(base.rows)
+    if not screened.candidates or screened.candidates[0].explained < noticeable(R):
+        return Round(screened, [], base, None)
+    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
+    contenders: list[Contender] = []
+    arena, rest = (
+        Arena(
+            problem,
+            base,
+            leads(problem, screened.seens),
+            closed=base.rho < 1.1,
+            leads_left=5 if problem.model.n < 6 else 3,
+        ),
+        screened,
+    )
+    for _ in range(BATCHES):
+        tried = shortlist(rest, finalists)
+        contenders += _fitted(arena, screened, tried, contenders)
+        if not tried or as_promised(base, contenders, screened):
+            break
+        names = {c.effect.name for c in tried}
+        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
+    contenders += _frictions(arena, screened, contenders)
+    contenders += _stops(arena, screened, contenders)
+    contenders = _with_kin(arena, contenders)
+    return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules.practical))
+
+
+def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
+    """Contenders, cheapest first, with the other frictions where a friction leads."""
+    contenders = sorted(contenders, key=lambda c: c.cost)
+    named = next((c for c in contenders if not c.is_decoy), None)
+    if named is None:
+        return contenders
+    near = {(c.effect.name, c.effect.dof) for c in contenders if c.fit.rho < 1.3 * named.fit.rho}
+    return sorted([*contenders, *kindred(arena, named, near)], key=lambda c: c.cost)
+
+
+def _frictions(arena: Arena, screened: Screen, contenders: list[Contender]) -> list[Contender]:
+    """Coulomb friction where the best contender acts, and at the best place, while something is left.
+
+    A screen along a noisy motion sees little of a friction that sticks.
+    """
+    if not contenders or min(c.fit.rho for c in contenders) < CLOSED:
+        return []
+    best = min(contenders, key=lambda c: c.cost)
+    places = {best.effect.dof, max(screened.by_place, key=lambda place: screened.by_place[place])}
+    tried = {c.effect.dof for c in contenders if c.effect.name == "coulomb_friction"}
+    out = []
+    for c in screened.candidates:
+        if c.effect.name == "coulomb_friction" and c.place in places - tried:
+            one = refine(arena, c, screened.promise(c.explained))
+            out += [one] if one is not None else []
+    return out
+
+
+def _stops(arena: Arena, screened: Screen, contenders: list[Contender]) -> list[Contender]:
+    """End stops at the best place, to either side and both, where no suspect keeps half of what is left.
+
+    The smoothed motion does not show how far a hard stop gives way: its force along it is a poor likeness.
+    """
+    base = arena.base
+    least = min((c.fit.rho for c in contenders), default=base.rho)
+    if least < CLOSED or least - 1 < HARDLY * (base.rho - 1):
+        return []
+    best = max(screened.by_place, key=lambda place: screened.by_place[place])
+    found: dict[float, Candidate] = {}
+    for c in screened.candidates:
+        if c.effect.name == "end_stop" and c.place == best:
+            found.setdefault(float(c.effect.values[-1]), c)  # by side
+    fits = [refine(arena, c, screened.promise(c.explained)) for c in found.values()]
+    return [one for one in fits if one is not None]
+
+
+def _fitted(
+    arena: Arena, screened: Screen, tried: list[Candidate], before: list[Contender]
+) -> list[Contender]:
+    found: list[Contender] = []
+    for candidate in tried:
+        clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in (*before, *found))
+        # a delay and a lag are told apart by their fits alone
+        far = screened.left - candidate.explained > FAR * (screened.left - tried[0].explained)
+        behind = far and candidate.effect.path != "actuator"
+        if clean and (behind or candidate.explained < 0.9 * tried[0].explained):
+            continue  # something closes the gap already, and this one is far behind
+        one = refine(arena, candidate, screened.promise(candidate.explained))
+        if one is not None:
+            found.append(one)
+    return found
+
+
+def as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> bool:
+    """True where some fit keeps half of what its screen promised; else the screen was misled and the next are tried."""
+    left = max(base.rss - len(base.rows), 1.0)
+    share = [(base.rss - c.fit.rss) / left for c in contenders]
+    promised = [min(c.candidate.explained / max(screened.left, 1e-9), 1.0) for c in contenders]
+    return any(s > 0.5 * p for s, p in zip(share, promised))
+
+
+def view(problem: Problem, ground: Fit, catalogue, prior_scale: float = PRIOR_SCALE) -> Screen:
+    """The suspects as seen from a ground, the best of them polished."""
+    screened = screen(problem, ground, catalogue, prior_scale)
+    return polished_screen(problem, screened, 0.3 * noticeable(len(ground.rows)))
+
+
+def first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
+    """The first look; where the refit is bent and little is explained, others from other grounds."""
+    if linear.rho < CLEAR or bend(problem, linear) < BENT / 2:
+        return look(problem, linear, catalogue, rules, linear_gap)
+    views = _views(problem, linear, catalogue)
+    best = look(problem, linear, catalogue, rules, linear_gap, next(views))
+    while not _shut(best, linear) and (screened := next(views, None)) is not None:
+        best = _cheaper(best, look(problem, linear, catalogue, rules, linear_gap, screened))
+    return best
+
+
+def _views(problem: Problem, linear: Fit, catalogue) -> Iterator[Screen]:
+    """Screens from the refit and from the nominal, what promises more first; then one that holds on to the nominal.
+
+    Along a motion that few forces drive, many M, D, K are as good; where they explain there what no simulation does,
+    the nominal is trusted as far as it is wrong.
+    """
+    nominal = _nominal(problem, linear)
+    if linear.rho < STRONG or bend(problem, linear) < BENT:
+        yield (first := view(problem, linear, catalogue))
+        yield (second := view(problem, nominal, catalogue))
+    else:
+        first, second = (view(problem, ground, catalogue) for ground in (linear, nominal))
+        yield from sorted(
+            (first, second), key=lambda x: x.left - max((c.explained for c in x.candidates), default=0.0)
+        )
+    if min(first.left, second.left) < MISLED * linear.rss:
+        yield view(problem, nominal, catalogue, PRIOR_SCALE / np.sqrt(max(nominal.rho, 1.0)))
+
+
+def _shut(one: Round, linear: Fit) -> bool:
+    """True where a name leaves next to nothing."""
+    chosen = one.chosen
+    return chosen is not None and not chosen.is_decoy and chosen.fit.rho - 1 < UNCLEAN * (linear.rho - 1)
+
+
+def _cheaper(one: Round, other: Round) -> Round:
+    """The look whose choice costs less."""
+    if other.chosen is None:
+        return one
+    return other if one.chosen is None or other.chosen.cost < one.chosen.cost else one
+
+
+def bend(problem: Problem, base: Fit) -> float:
+    """The largest step of an entry, in units of its prior."""
+    return float(np.max(np.abs(base.point.theta / problem.prior), initial=0.0))
+
+
+def _ground(problem: Problem, base: Fit) -> Fit:
+    """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
+    if base.rho < STRONG or bend(problem, base) < BENT:
+        return base
+    return _nominal(problem, base)
+
+
+def _nominal(problem: Problem, base: Fit) -> Fit:
+    """The same with the nominal parameters."""
+    point = replace(base.point, theta=np.zeros_like(base.point.theta))
+    found = evaluate(problem, point)
+    return base if found is None else replace(base, point=point, rows=found[0], runs=found[1])
