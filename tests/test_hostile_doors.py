@@ -8,6 +8,7 @@ import resource
 import subprocess
 import sys
 from collections import Counter
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -107,7 +108,7 @@ def spoilt(kind: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return t, u, y
 
 
-SPOILT = ("no samples", "one sample", "two samples", "nine samples", "nan", "inf", "constant input", "constant output",
+SPOILT = ("nothing", "no samples", "one sample", "two samples", "nine samples", "nan", "inf", "constant input", "constant output",
           "silence", "huge", "tiny", "odd scales", "microseconds", "time stands still", "time runs back", "one jump")  # fmt: skip
 REFUSED = {"no samples", "one sample", "nan", "inf", "time stands still", "time runs back"}
 STILL = {"constant output", "silence"}
@@ -145,6 +146,36 @@ def test_gap_on_a_spoilt_record(tmp_path: Path, capsys, model: Path, kind: str) 
         code, said = call(capsys, "gap", *words)
         assert code == 2 or kind not in REFUSED | STILL | {"huge"}, said
         assert kind not in STILL or "nothing moved" in said
+        if train == good and kind in {"odd scales", "constant input"}:
+            assert "none: " in said and "something is in them that the training records lack" in said, said
+        elif kind == "nothing":
+            assert "none: " in said and "the training records lack" not in said, said
+
+
+def gap_in_units(
+    folder: Path, capsys, force: float, displacement: float, duration: float
+) -> tuple[str, float]:
+    """Verdict and held-out gap of the same two records, their numbers those of other units."""
+    folder.mkdir()
+    M, D, K = (force / displacement * duration**k * x for k, x in ((2, 1.0), (1, 0.4), (0, 4.0)))
+    write_model(Model([[M]], [[D]], [[K]], hold="zoh"), folder / "m.yaml")
+    for name, seed in (("train", 0), ("test", 1)):
+        r = one_dof(seed=seed)
+        csv(folder / f"{name}.csv", duration * r.t, force * r.u, displacement * r.y)
+    words = [f"train={folder / 'train.csv'}", f"test={folder / 'test.csv'}", f"model={folder / 'm.yaml'}"]
+    words += [f"out={folder / 'out'}", "views=false", "recording=false", "power=false"]
+    code, said = call(capsys, "gap", *words)
+    assert code == 0, said
+    values = json.loads((folder / "out" / "gap.json").read_text())
+    assert values["force_gap"] is None, "judged on the force, as if the mass were free"
+    return values["verdict"], values["gap_before"]
+
+
+def test_gap_answers_the_same_in_any_units(tmp_path: Path, capsys) -> None:
+    verdict, gap = gap_in_units(tmp_path / "si", capsys, 1.0, 1.0, 1.0)
+    for k, units in enumerate(product((1e-12, 1e12), (1e-12, 1e12), (1e-6, 1e6))):
+        other, found = gap_in_units(tmp_path / str(k), capsys, *units)
+        assert other == verdict == "none" and found == pytest.approx(gap, rel=0.02), units
 
 
 MODELS = {
@@ -281,6 +312,35 @@ def test_foreign_code_is_refused(tmp_path: Path, capsys, word: str) -> None:
     code, said = call(capsys, "sweep", *words, word)
     assert code == 2, said
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("verb", ["gap", "identify", "simulate", "measure", "rig", "papers"])
+def test_no_place_for_results_is_told(tmp_path: Path, capsys, monkeypatch, verb: str, model: Path) -> None:
+    """Nothing lands in the folder that happens to be the present one."""
+    run = csv(tmp_path / "run.csv", *spoilt("nothing"))
+    words = {
+        "gap": [f"train={run}", f"test={run}", f"model={model}"],
+        "identify": [f"record={run}", f"model={model}"],
+    }
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    code, said = call(capsys, verb, *words.get(verb, []), "out=")
+    assert code == 2 and "out=" in said and not list(Path().iterdir()), said
+
+
+def test_a_proof_on_a_training_record_is_told_to_be_none(tmp_path: Path, capsys, model: Path) -> None:
+    run, other = (csv(tmp_path / f"{name}.csv", *spoilt("nothing")) for name in ("run", "other"))
+    words = [
+        f"train={run}",
+        f"model={model}",
+        f"out={tmp_path / 'gap'}",
+        "views=false",
+        "recording=false",
+        "power=false",
+    ]
+    for test, told in ((f"{tmp_path}/./run.csv", True), (other, False)):
+        code, said = call(capsys, "gap", *words, f"test={test}")
+        assert code == 0 and ("proves nothing" in said) == told, said
 
 
 def test_a_record_list_where_one_is_wanted(tmp_path: Path, capsys, model: Path) -> None:

@@ -84,3 +84,11 @@ def test_the_step_of_a_quantised_sensor_is_found_in_all_units(size: float) -> No
     y = np.random.default_rng(0).normal(size=2000)
     assert lattice_step([size * np.round(y, 1)]) == pytest.approx(0.1 * size)
     assert lattice_step([size * y]) == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_units_beyond_the_integers_are_balanced_in_silence() -> None:
+    A = np.array([[0.0, 1e150], [1e-30, 0.0]])
+    B, units = balanced(A)
+    assert units.max() / units.min() > 2.0**63
+    np.testing.assert_array_equal(units[:, None] * B / units, A)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid_bench import conf
+from sysid_bench.asked import require
 from sysid_bench.build import build
 from sysid_bench.effects import own_effects
 from sysid_bench.files import atomic_write, read_model, results_folder, write_json, write_model
@@ -30,6 +31,7 @@ from sysid_bench.records import read_record
 def main(cfg: dict[str, Any]) -> int:
     """0 whatever the verdict; InputError where records and model do not fit."""
     begun = time.perf_counter()
+    require(cfg, "gap", "train", "test", "model", "out")
     train_files, test_files = files(cfg["train"]), files(cfg["test"])
     own = own_effects(cfg["effects_path"])
     model = read_model(cfg["model"], own)
@@ -46,6 +48,8 @@ def main(cfg: dict[str, Any]) -> int:
     out = results_folder(cfg["out"])  # before the work, and only once the input is read
     for remark in dict.fromkeys(r for group in paired for _, _, remarks in group for r in remarks):
         tell(f"note: {remark}")
+    if seen := [f for f in test_files if any(Path(f).samefile(other) for other in train_files)]:
+        tell(f"note: {', '.join(seen)} is among the training records: on it the held-out gap proves nothing")
     answer = find_gap(train, test, model, own, rules, thresholds, tell, cfg["power"])
     origin = provenance("gap", cfg, [*train_files, *test_files, cfg["model"]])
     settled = experiment(answer, cfg)

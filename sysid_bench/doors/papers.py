@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from sysid_bench.asked import require
 from sysid_bench.nouns import InputError
 
 
@@ -16,6 +17,7 @@ def main(cfg: dict[str, Any]) -> int:
     from sysid_bench.views.index import write_index_page
     from sysid_bench.views.papers_page import write_papers_page
 
+    require(cfg, "papers", "results_dir", "out")
     results = Path(cfg["results_dir"])
     tables = Tables(results)
     missing = tables.missing(studies())

@@ -12,6 +12,7 @@ from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any, Literal
 
+from sysid_bench.asked import require
 from sysid_bench.build import build
 from sysid_bench.files import read_estimate, write_model
 from sysid_bench.nouns import Array, Estimate, Plant
@@ -21,6 +22,7 @@ FAR = 4.5  # standard errors: the largest of 18 entries lies beyond once in some
 
 def main(cfg: dict[str, Any]) -> int:
     """0: measured, identified, and every entry of M, D, K within 4.5 standard errors of the plant's."""
+    require(cfg, "rig", "out")
     plant = build(cfg["plant"], cfg["plugins"].packages)
     out = Path(cfg["out"])
     out.mkdir(parents=True, exist_ok=True)

@@ -31,11 +31,11 @@ ONLY_FREE = frozenset({"asymmetric_friction", "friction_behind_play"})
 
 
 def floats(model: Model) -> bool:
-    """True where the model can move away freely and every DOF is seen as a displacement."""
-    M, _, K = model.matrices
-    stiffness = np.linalg.eigvalsh(K)[0]
+    """True where the model can move away freely and every DOF is seen as a displacement; the same in any units."""
+    M, D, K = model.matrices
+    scale = max(np.abs(K).max(), np.linalg.norm(D, 2) ** 2 / np.linalg.eigvalsh(M)[-1])
     seen = model.output == "displacement" and np.array_equal(model.output_map, np.eye(model.n))
-    return bool(seen and stiffness <= 1e-9 * np.linalg.eigvalsh(M)[-1])
+    return bool(seen and np.linalg.eigvalsh(K)[0] <= 1e-9 * scale)
 
 
 def admissible(catalogue: list[type[Effect]], model: Model) -> list[type[Effect]]:

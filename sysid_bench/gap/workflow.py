@@ -39,6 +39,7 @@ LOST, WORTH = (
     2.0,
     25.0,
 )  # times what the first story leaves, and energy, by which one told anew may lie behind
+OTHERWISE = 3.0  # times what the training records promise, from which the test records are said to differ
 LOWER = 0.85  # of the noise floor: from which what a fit leaves shows a lower one
 
 
@@ -81,13 +82,19 @@ class Answer:
 
     @property
     def reason(self) -> str:
-        """The verdict's reason; where a better model makes the test records worse, that too."""
-        if self.verdict.word not in ("effect", "parameters") or self.gap_after <= GREW * self.gap_before:
+        """The verdict's reason; where the test records, which chose nothing, do not bear it out, that too."""
+        word, before, after = self.verdict.word, self.gap_before, self.gap_after
+        promised = max(1.0, self.nominal_rho) ** 0.5 * self.floor
+        if word in ("effect", "parameters") and after > GREW * before:
+            told = f"the gap grew from {100 * before:.3g} % to {100 * after:.3g} %: the better model is not proven"
+        elif word == "none" and not self.judged and before > OTHERWISE * promised:
+            told = (
+                f"the gap is {100 * before:.3g} % where noise makes {100 * self.floor:.3g} %: something is in them that "
+                "the training records lack (another machine, unit, channel or range)"
+            )
+        else:
             return self.verdict.reason
-        return (
-            f"{self.verdict.reason}; but on the test records, which chose nothing, the gap grew from "
-            f"{100 * self.gap_before:.3g} % to {100 * self.gap_after:.3g} %: the better model is not proven"
-        )
+        return f"{self.verdict.reason}; but on the test records, which chose nothing, {told}"
 
     def _mean_gap(self, proofs: list[Proof], which: str) -> float:
         found = [p.gap for p in (self.judged[which] if self.judged else proofs)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from scipy.linalg import expm, matrix_balance
+import numpy as np
+from scipy.linalg import expm, get_lapack_funcs
 
 from sysid_bench.nouns import Array
 
@@ -13,7 +14,9 @@ def balanced(A: Array) -> tuple[Array, Array]:
     A norm that is large only by the units of the states costs a digit for each factor of ten wherever a matrix is
     squared or triangularised. James, Langou, Lowery 2014: On matrix balancing.
     """
-    B, (units, _) = matrix_balance(A, permute=False, separate=True)
+    A = np.asarray_chkfinite(A)
+    gebal = get_lapack_funcs("gebal", (A,))  # scipy's matrix_balance warns of units from 2^63 on
+    B, _, _, units, _ = gebal(A, scale=1, permute=0)
     return B, units
 
 
