@@ -60,7 +60,8 @@ class Search:
         rms = max(x.std(), 1e-300)
         ks = np.concatenate([np.arange(1.2, 8, 0.2), np.arange(8, 24, 0.4)]) / rms
         waves = _waves(ks, x)
-        match = np.abs(waves @ self.force.astype(np.float32)) ** 2
+        force = self.force / max(np.abs(self.force).max(), 1e-300)  # single precision ends at 1e38
+        match = np.abs(waves @ force.astype(np.float32)) ** 2
         g = (s.G[:, :, : len(self.c)] @ self.c) * s.trace.weight
         energy = np.sum(np.abs(g) ** 2, axis=1)
         size = np.abs(fft(waves, axis=1)[:, : s.trace.F]) ** 2 @ energy
