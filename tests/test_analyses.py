@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
+from sysid_bench import conf
 from sysid_bench.analyses.arx_response import ArxResponse
 from sysid_bench.analyses.conversion_error import ConversionError, inverse_zoh, kappa, kappa_printed, lumped
+from sysid_bench.analyses.efficiency import Efficiency
 from sysid_bench.analyses.energy import Energy
 from sysid_bench.analyses.identifiability import Identifiability
 from sysid_bench.analyses.passivity import Passivity
 from sysid_bench.analyses.simulation_error import SimulationError
+from sysid_bench.build import build
 from sysid_bench.mechanics.conversion import c2d_zoh
 from sysid_bench.mechanics.integrators import RULES, one_step
 from sysid_bench.mechanics.second_order import companion, input_matrix
@@ -198,3 +201,12 @@ def test_simulation_order(rule, order):
 def test_simulation_refuses_steps_that_do_not_divide_the_knots():
     with pytest.raises(InputError, match="must divide"):
         compute(SimulationError(), THREE, 0.3)
+
+
+def test_a_wrong_maximum_is_not_confirmed_by_the_same_start():
+    """The record on which no instrumental step gains: both linear starts are one, and lead to a wrong maximum."""
+    plant = build(conf.option("plant", "eight_dof"))
+    found = Efficiency(knot_spacing_s=0.1, zeta=0.0).compute(
+        plant, Sampling(0.0125, 6000), np.random.default_rng(234544415140794850)
+    )
+    assert found["worst_over_bound"] < 2

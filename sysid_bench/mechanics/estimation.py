@@ -98,9 +98,14 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
     for share in BANDS:
         narrow = [replace(run, F=max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
         near = [_thin(run) for run in narrow] if share == 1.0 else narrow
+        seen: list[Array] = []
         for start in starts(near, problem.free, problem.known, problem.guess, share == 1.0):
             try:
-                tries.append(_settled(problem, runs, *_approached(problem, near, runs, start())))
+                theta = start()
+                if any(np.array_equal(theta, other) for other in seen):
+                    continue  # it would only confirm itself
+                seen.append(theta)
+                tries.append(_settled(problem, runs, *_approached(problem, near, runs, theta)))
             except (Diverged, NotApplicable) as problem_met:
                 reasons.append(str(problem_met))
                 continue

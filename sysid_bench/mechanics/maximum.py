@@ -88,14 +88,15 @@ def _decrement(H: Array, g: Array) -> float:
     return float(g @ solved(H, g, BLIND))
 
 
-def _left(foreseen: float, gained: float, tolerance: float) -> float:
+def _left(foreseen: float, gained: float, mu: float, tolerance: float) -> float:
     """Newton decrement after a step that foresaw one of `foreseen` and gained `gained` of log-likelihood.
 
-    Where Gauss-Newton leaves a share r of the way to the maximum, it gains (1 + r) / 2 of what it foresaw.
+    Where Gauss-Newton leaves a share r of the way to the maximum, it gains (1 + r) / 2 of what it foresaw. A damped step
+    gains little whatever is left, and tells nothing of it.
     """
-    if foreseen > SMALL * tolerance:
-        return np.inf
-    return foreseen * min((2 * gained / foreseen - 1) ** 2, 1.0) if foreseen > 0 else 0.0
+    if mu > 0 or foreseen <= 0 or foreseen > SMALL * tolerance:
+        return foreseen
+    return foreseen * min((2 * gained / foreseen - 1) ** 2, 1.0)
 
 
 def _step(H, g, phi, mu, point, runs, parameters, tolerance) -> _Step | None:
@@ -109,7 +110,7 @@ def _step(H, g, phi, mu, point, runs, parameters, tolerance) -> _Step | None:
         except (Diverged, np.linalg.LinAlgError):
             trial = None
         if trial is not None and trial.cost <= point.cost + 1e-10 * abs(point.cost):
-            left = _left(float(move @ gs), point.cost - trial.cost, tolerance)
+            left = _left(float(move @ gs), point.cost - trial.cost, mu, tolerance)
             return _Step(phi + move / d, trial, 0.0 if mu < 1e-5 else mu / 10, left)
         mu = max(10 * mu, 1e-3)
     return None
