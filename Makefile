@@ -12,7 +12,7 @@ BOUND := $(filter-out at_the_bound/leaderboard,$(patsubst experiments/%.yaml,%,$
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: docs bound gap rig test-socketcan setup sweep sweep-full papers figures leaderboard smoke test check check-full lint types bench lock clean help
+.PHONY: docs bound gap rig machines test-socketcan setup sweep sweep-full papers figures leaderboard smoke test check check-full lint types bench lock clean help
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 16
