@@ -28,9 +28,10 @@ from draw import Draw
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import check_data
+from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
-from sysid_bench.gap.workflow import find_gap, prepared
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
 SAMPLES, FIRST_SEED = 10_000, 3000

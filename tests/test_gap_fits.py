@@ -18,11 +18,12 @@ from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.polish import drives, polished_candidate
+from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.traces import banded, trace_of
-from sysid_bench.gap.workflow import find_gap, prepared
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
 TRIALS = Path(__file__).parents[1] / "experiments" / "hidden_effects"

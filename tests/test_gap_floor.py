@@ -10,11 +10,11 @@ from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.decide import Thresholds, _too_much
 from sysid_bench.gap.descent import fit
 from sysid_bench.gap.fineness import finer
+from sysid_bench.gap.prepare import lower_floor, prepared
 from sysid_bench.gap.problem import Point
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.traces import noise_floor, trace_of
-from sysid_bench.gap.workflow import _lower_floor, prepared
 from sysid_bench.mechanics.nonlinear import simulate
 from sysid_bench.nouns import Model, Record
 
@@ -60,9 +60,9 @@ def test_the_floor_falls_to_what_the_right_fit_leaves():
     assert problem.traces[0].variance[0] > 1.5 * variance  # the motion fills the highest frequencies
     fine = finer(problem, Point(np.zeros(3), (effect,), (np.zeros(2),)))
     found = fit(fine, Point(np.zeros(3), (effect,), (np.zeros(2),)), ((0, 0),))
-    lower = _lower_floor(fine, found, check)
+    lower = lower_floor(fine, found, check)
     assert lower is not None and lower.traces[0].variance[0] == pytest.approx(variance, rel=0.15)
-    assert _lower_floor(lower, found, check) is None
+    assert lower_floor(lower, found, check) is None
 
 
 def test_steps_are_halved_where_the_integration_is_heard_above_the_noise():

@@ -14,13 +14,14 @@ from draw import Draw
 from trial import Trial
 
 from sysid_bench.effects import effect_class
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.contend import best_start
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.evidence import deviations
 from sysid_bench.gap.problem import Budget, Point, Problem
 from sysid_bench.gap.prove import prove
 from sysid_bench.gap.rivals import rivals
-from sysid_bench.gap.workflow import Answer, find_gap
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import InputError, Model, Record
 

@@ -26,9 +26,9 @@ from tally import markdown, share
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.fineness import on_finer_steps
+from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
-from sysid_bench.gap.workflow import prepared
 
 TUNING = 5000
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.gap.workflow import Answer, find_gap
+from sysid_bench.gap.answer import Answer
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
 H, FINE = 1e-3, 10  # sampling time in s, small steps per sample

@@ -14,8 +14,8 @@ from sysid_bench.files import read_model
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.force import OnForce, cropped, force_banded, judge_on_force, with_offset
 from sysid_bench.gap.inverse import ForceProblem, measured_motion
+from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.traces import trace_of
-from sysid_bench.gap.workflow import prepared
 from sysid_bench.nouns import Array, Model, Record
 from sysid_bench.views.style import COLOURS, publication
 

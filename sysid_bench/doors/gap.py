@@ -17,12 +17,13 @@ from sysid_bench.effects import own_effects
 from sysid_bench.files import atomic_write, read_model, results_folder, write_json, write_model
 from sysid_bench.files.provenance import provenance
 from sysid_bench.files.yaml_text import yaml_text
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.decide import Thresholds
 from sysid_bench.gap.experiment import Settling, proposals, settling
 from sysid_bench.gap.rivals import alike
 from sysid_bench.gap.show import gap_values
 from sysid_bench.gap.story import Rules
-from sysid_bench.gap.workflow import Answer, find_gap
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import InputError, Record
 from sysid_bench.pairing import pair
 from sysid_bench.records import read_record

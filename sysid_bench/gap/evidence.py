@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.rivals import rivals
-from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import Effect
 
 

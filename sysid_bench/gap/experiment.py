@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.colour import Floor
 from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.free_run import run, shown
 from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.gap.traces import Trace, banded
-from sysid_bench.gap.workflow import Answer
 from sysid_bench.nouns import Array, Excitation, Signal
 
 MOST_SAMPLES = 4000

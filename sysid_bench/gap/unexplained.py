@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.decide import place_value
 from sysid_bench.gap.reference import flexible_reference
-from sysid_bench.gap.workflow import Answer
 
 
 def description(answer: Answer) -> dict[str, Any]:

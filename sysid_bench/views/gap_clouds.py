@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.motion import force_along, smoothed
-from sysid_bench.gap.workflow import Answer
 from sysid_bench.mechanics.effect import direction
 from sysid_bench.nouns import Array
 from sysid_bench.views.gap_words import place_words

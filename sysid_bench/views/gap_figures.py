@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.inverse import ENDS
-from sysid_bench.gap.workflow import Answer
 from sysid_bench.nouns import Array
 from sysid_bench.views.gap_clouds import Figure, clouds, inner
 from sysid_bench.views.gap_words import budget, held_out, unit_of

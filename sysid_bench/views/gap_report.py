@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from sysid_bench.gap.workflow import Answer
+from sysid_bench.gap.answer import Answer
 from sysid_bench.views.gap_figures import images
 from sysid_bench.views.gap_words import WORDS, equations, place_words, suspects
 from sysid_bench.views.html import flat, render, write_page

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.gap.workflow import Answer
+from sysid_bench.gap.answer import Answer
 from sysid_bench.mechanics.effect import as_effects
 
 WORDS = {

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.inverse import ENDS
-from sysid_bench.gap.workflow import Answer
 from sysid_bench.views.gap_clouds import found_forces, unexplained
 from sysid_bench.views.gap_figures import leftover, power_by_frequency
 from sysid_bench.views.gap_words import WORDS, budget, place_words, suspects, unit_of
