@@ -165,3 +165,12 @@ def test_a_run_goes_on_where_it_stopped_and_opens_the_seal(tmp_path):
     assert "| single | 2 |" in text and len((tmp_path / "trials.csv").read_text().splitlines()) == 3
     call("figure", str(out), "--out", str(tmp_path / "figures"))
     assert {p.suffix for p in (tmp_path / "figures").iterdir()} == {".png", ".svg"}
+
+
+def test_coarse_steps_of_a_slow_motion_are_the_fault_of_the_data_and_nothing_else():
+    """Their rounding lies where the motion does, above the floor of the highest frequencies."""
+    from attempt import attempt
+
+    answer, _ = attempt(4004, 5, kind="single", size="one", name="quantisation")
+    assert answer["verdict"] == "effect"
+    assert [effect["name"] for effect in answer["effects"]] == ["quantisation"]

@@ -19,6 +19,7 @@ from sysid_bench.gap.traces import band_end, banded, noise_floor, trace_of
 from sysid_bench.mechanics.effect import Effect
 from sysid_bench.nouns import Array, Model, Record
 
+STEPS = 1.3  # times the variance of rounding to a channel's steps, which rounding of a slow motion may reach
 LOWER = 0.85  # of the noise floor: from which what a fit leaves shows a lower one
 
 
@@ -101,3 +102,15 @@ def lower_floor(problem: Problem, fit: Fit, check: DataCheck) -> Problem | None:
     floor = Floor(np.minimum(found.variance, present), found.phi)
     end = max(band_end(t, floor, omega) for t in problem.traces)
     return problem.on(tuple(banded(t, floor, end) for t in problem.traces))
+
+
+def within_steps(problem: Problem, fit: Fit, lattice: Array) -> bool:
+    """True where what a fit leaves is no more than the noise and the rounding to the steps lattice (ny,) of the channels.
+
+    The rounding of a slow motion lies where the motion does, far above the floor of the highest frequencies.
+    """
+    left = np.mean(
+        [np.var(t.y - shown(problem, t, one), axis=0) for t, one in zip(problem.traces, fit.runs)], axis=0
+    )
+    noise = np.mean([t.variance for t in problem.traces], axis=0)
+    return bool(np.all(left <= noise + STEPS * lattice**2 / 12) and np.any(lattice > 0))

@@ -21,7 +21,14 @@ from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, judge_on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.prepare import lower_floor, nominal_rho_of, on_a_lower_floor, prepared, with_faults
+from sysid_bench.gap.prepare import (
+    lower_floor,
+    nominal_rho_of,
+    on_a_lower_floor,
+    prepared,
+    with_faults,
+    within_steps,
+)
 from sysid_bench.gap.problem import Problem, evaluate
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
@@ -76,6 +83,14 @@ def find_gap(
     problem, linear, story = _searched(problem, linear, check, catalogue, rules, tell)
     nominal_rho = nominal_rho_of(problem)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
+    if (
+        verdict.word == "unknown"
+        and faults
+        and not problem.on_force
+        and within_steps(problem, linear, check.lattice)
+    ):
+        story = Story(linear, linear)  # the fault of the data is all that the records show
+        verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
