@@ -173,4 +173,4 @@ def test_coarse_steps_of_a_slow_motion_are_the_fault_of_the_data_and_nothing_els
 
     answer, _ = attempt(4004, 5, kind="single", size="one", name="quantisation")
     assert answer["verdict"] == "effect"
-    assert [effect["name"] for effect in answer["effects"]] == ["quantisation"]
+    assert [effect["name"] for effect in answer["said"]] == ["quantisation"]
