@@ -96,7 +96,7 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
     tries: list[Fit] = []
     reasons: list[str] = []
     for share in BANDS:
-        narrow = [replace(run, F=max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
+        narrow = [_on_bins(run, max(int(share * run.F), min(run.F, SHORTEST))) for run in runs]
         near = [_thin(run) for run in narrow] if share == 1.0 else narrow
         seen: list[Array] = []
         for start in starts(near, problem.free, problem.known, problem.guess, share == 1.0):
@@ -147,9 +147,14 @@ def _confirmed(tries: list[Fit]) -> bool:
     return bool(same) and abs(min(same) - last.cost) < SAME_MAXIMUM
 
 
+def _on_bins(run: Run, F: int) -> Run:
+    """The run on F bins; itself, with what it has worked out already, where these are its own."""
+    return run if run.F == F else replace(run, F=F)
+
+
 def _thin(run: Run) -> Run:
     data, F = thinned(run.data, run.F, ENOUGH_BINS)
-    return replace(run, data=data, F=F)
+    return run if data is run.data else replace(run, data=data, F=F)
 
 
 def _approached(
@@ -225,7 +230,7 @@ def _settled(problem: Problem, shown: list[Run], runs: list[Run], theta: Array, 
 
 def _widened(runs: list[Run], shown: list[Run], maximum: Maximum) -> list[Run]:
     return [
-        replace(run, F=max(run.F, min(_needed(run, maximum), WIDEST * limit.F)))
+        _on_bins(run, max(run.F, min(_needed(run, maximum), WIDEST * limit.F)))
         for run, limit in zip(runs, shown)
     ]
 
