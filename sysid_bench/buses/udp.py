@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 from dataclasses import dataclass
@@ -61,10 +62,8 @@ def _bind_to_interface(sock: socket.socket, group: str, own: bytes) -> None:
     """python-can joins the group on the default interface: leave it, join on ours, send through ours."""
     member = socket.inet_aton(group)
     everywhere = member + struct.pack("@I", socket.INADDR_ANY)
-    try:
+    with contextlib.suppress(OSError):  # where there is no default interface, there is nothing to leave
         sock.setsockopt(socket.IPPROTO_IP, socket.IP_DROP_MEMBERSHIP, everywhere)
-    except OSError:
-        pass
     sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member + own)
     sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
     enlarge_buffer(sock)

@@ -20,7 +20,7 @@ from sysid_bench.gap.finalists import shortlist
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.held_out import block_losses, earns_on_force, force_of, held_out_cost, simplest
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.look import BATCHES, UNCLEAN, as_promised
+from sysid_bench.gap.look import UNCLEAN, by_batches
 from sysid_bench.gap.problem import Point
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
@@ -85,16 +85,7 @@ def look(problem: ForceProblem, base: Fit, catalogue, rules: Rules) -> Round:
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < 30 + 4 * np.log(R):
         return Round(screened, [], base, None)
-    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
-    contenders: list[Contender] = []
-    rest = screened
-    for _ in range(BATCHES):
-        tried = shortlist(rest, finalists)
-        contenders += _fitted(problem, base, tried, contenders)
-        if not tried or as_promised(base, contenders, screened):
-            break
-        names = {c.effect.name for c in tried}
-        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
+    contenders = by_batches(problem, base, screened, rules, partial(_fitted, problem, base))
     contenders.sort(key=lambda c: c.cost)
     return Round(screened, contenders, base, _simplest(problem, contenders, rules))
 

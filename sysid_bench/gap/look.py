@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,15 +19,13 @@ from sysid_bench.gap.story import Round, Rules
 
 UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
 BATCHES = 3  # of finalists, where the screen promises what no fit keeps
-FAR = (
-    1.6  # times what the best suspect leaves, from which others are not fitted once something closes the gap
-)
+# Times what the best suspect leaves, from which others are not fitted once something closes the gap.
+FAR = 1.6
 HARDLY = 0.5  # of what is left: where every suspect leaves more, the screen was misled
 CLEAR = 1.5  # rho of a refit that leaves a gap nobody overlooks
 STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
-MISLED = (
-    0.25  # of what a refit leaves: where M, D, K leave less in a screen, it takes them for more than they are
-)
+# Of what a refit leaves: where M, D, K leave less in a screen, it takes them for more than they are.
+MISLED = 0.25
 
 
 def noticeable(R: int) -> float:
@@ -42,29 +41,36 @@ def look(
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < noticeable(R):
         return Round(screened, [], base, None)
-    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
-    contenders: list[Contender] = []
-    arena, rest = (
-        Arena(
-            problem,
-            base,
-            leads(problem, screened.seens),
-            closed=base.rho < 1.1,
-            leads_left=5 if problem.model.n < 6 else 3,
-        ),
-        screened,
+    small = problem.model.n < 6
+    arena = Arena(
+        problem, base, leads(problem, screened.seens), closed=base.rho < 1.1, leads_left=5 if small else 3
     )
-    for _ in range(BATCHES):
-        tried = shortlist(rest, finalists)
-        contenders += _fitted(arena, screened, tried, contenders)
-        if not tried or as_promised(base, contenders, screened):
-            break
-        names = {c.effect.name for c in tried}
-        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
+    contenders = by_batches(problem, base, screened, rules, partial(_fitted, arena, screened))
     contenders += _frictions(arena, screened, contenders)
     contenders += _stops(arena, screened, contenders)
     contenders = _with_kin(arena, contenders)
     return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules.practical))
+
+
+def by_batches(
+    problem: Problem,
+    base: Fit,
+    screened: Screen,
+    rules: Rules,
+    fitted: Callable[[list[Candidate], list[Contender]], list[Contender]],
+) -> list[Contender]:
+    """What `fitted` makes of the best suspects, beside those before: batch after batch until some fit keeps its promise."""
+    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
+    contenders: list[Contender] = []
+    rest = screened
+    for _ in range(BATCHES):
+        tried = shortlist(rest, finalists)
+        contenders += fitted(tried, contenders)
+        if not tried or as_promised(base, contenders, screened):
+            break
+        names = {c.effect.name for c in tried}
+        rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
+    return contenders
 
 
 def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
