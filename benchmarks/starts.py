@@ -25,7 +25,7 @@ def thetas(record: Record, n: int) -> tuple[list[Array], int]:
     problem = problem_of([record], Model(n=n), "diagonal", False, False)
     runs = [in_band_run(record, problem, "cubic")]
     first = linear_start(runs, problem.free, problem.known)
-    refined = refined_start(runs, problem.free, first)
+    refined = refined_start(runs, problem.free, first).theta
     found = fit_problem(problem, "cubic").maximum
     return [first, refined, found.theta], found.iterations
 

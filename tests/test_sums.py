@@ -28,7 +28,8 @@ def test_spectra_of_a_hold_are_those_of_its_coefficients(hold: str, N: int) -> N
     c = rule(hold).coefficients(u)
     wanted = rfft(np.concatenate([c, 0 * c[:, :1]], axis=1), axis=1).swapaxes(0, 1)
     z = np.exp(2j * np.pi * np.arange(N // 2 + 1) / N)[:, None]
-    assert np.allclose(drive_spectra(u, rfft(u, axis=0), z, hold), wanted, atol=1e-12)
+    found = drive_spectra(u, rfft(u, axis=0), z, np.ones((len(z), 1)), hold)
+    assert np.allclose(found, wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize("N", [4, 5, 50])

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import Run, evaluate
+from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, driven, power_above, spectra, thinned
+from sysid_bench.mechanics.likelihood import Point, Run, evaluate
 from sysid_bench.mechanics.maximum import LIMIT, TOLERANCE, Maximum, Parameters, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.proportional import proportional_parameters, proportions
@@ -101,11 +101,11 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
         seen: list[Array] = []
         for start in starts(near, problem.free, problem.known, problem.guess, share == 1.0):
             try:
-                theta = start()
-                if any(np.array_equal(theta, other) for other in seen):
+                point = start()
+                if any(np.array_equal(point.theta, other) for other in seen):
                     continue  # it would only confirm itself
-                seen.append(theta)
-                tries.append(_settled(problem, runs, *_approached(problem, near, runs, theta)))
+                seen.append(point.theta)
+                tries.append(_settled(problem, runs, *_approached(problem, near, runs, point)))
             except (Diverged, NotApplicable) as problem_met:
                 reasons.append(str(problem_met))
                 continue
@@ -158,18 +158,19 @@ def _thin(run: Run) -> Run:
 
 
 def _approached(
-    problem: Problem, sparse: list[Run], full: list[Run], theta: Array
-) -> tuple[list[Run], Array, int]:
-    """Runs, theta and a limit of iterations for the search on all bins: after one on few bins, where that is cheaper.
+    problem: Problem, sparse: list[Run], full: list[Run], point: Point
+) -> tuple[list[Run], Point, int]:
+    """Runs, a start and a limit of iterations for the search on all bins: after one on few bins, where that is cheaper.
 
     Raises Diverged where that one ends nowhere.
     """
     if all(a.F == b.F for a, b in zip(sparse, full)):
-        return full, theta, LIMIT
-    near = Fit(problem, sparse, _maximise(problem, sparse, theta, NEAR_LIMIT, NEAR))
+        return full, point, LIMIT
+    near = Fit(problem, sparse, _maximise(problem, sparse, point, NEAR_LIMIT, NEAR))
     if not is_sound(near):
         raise Diverged("the search on few bins did not end in a plant that can exist")
-    return _widened(full, full, near.maximum), near.maximum.theta, NEAR_LIMIT
+    runs = _widened(full, full, near.maximum)
+    return runs, evaluate(near.maximum.theta, runs), NEAR_LIMIT
 
 
 def unexplained(fit: Fit) -> float:
@@ -193,17 +194,21 @@ def _coloured(fit: Fit) -> Fit:
             replace(run, weight=noise_spectrum(fitted.R, run.data.weight[: run.F]))
             for run, fitted in zip(fit.runs, fit.maximum.point.runs)
         ]
-        fit = Fit(fit.problem, runs, _maximise(fit.problem, runs, fit.maximum.theta))
+        fit = _searched(fit.problem, runs, fit.maximum.theta)
     return fit
 
 
 def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
     """The fit under another hold, on the same bins, from the fit under the first."""
     runs = [
-        replace(run, data=_data(record, hold), weight=None)
+        replace(run, data=_driven(_data(record, hold), run.F), weight=None)
         for run, record in zip(other.runs, problem.records)
     ]
-    return Fit(problem, runs, _maximise(problem, runs, other.maximum.theta))
+    return _searched(problem, runs, other.maximum.theta)
+
+
+def _searched(problem: Problem, runs: list[Run], theta: Array) -> Fit:
+    return Fit(problem, runs, _maximise(problem, runs, evaluate(theta, runs)))
 
 
 def _data(record: Record, hold: str) -> Spectra:
@@ -214,17 +219,23 @@ def _data(record: Record, hold: str) -> Spectra:
 def in_band_run(record: Record, problem: Problem, hold: str) -> Run:
     """A record on the band that carries its response. Raises NotApplicable for an output that does not move."""
     data = _data(record, hold)
-    return Run(data, problem.maps, band_edge(data), "full" if problem.noise == "full" else "diagonal")
+    F = band_edge(data)
+    noise = "full" if problem.noise == "full" else "diagonal"
+    return Run(_driven(data, WIDEST * F), problem.maps, F, noise)
 
 
-def _settled(problem: Problem, shown: list[Run], runs: list[Run], theta: Array, limit: int) -> Fit:
-    """The maximum near theta, on a band widened to hold its modes, up to twice what the record shows."""
+def _driven(data: Spectra, F: int) -> Spectra:
+    return driven(data, F if data.mask is None else len(data.omega))
+
+
+def _settled(problem: Problem, shown: list[Run], runs: list[Run], point: Point, limit: int) -> Fit:
+    """The maximum near a start, on a band widened to hold its modes, up to twice what the record shows."""
     for _ in range(3):
-        fit = Fit(problem, runs, _maximise(problem, runs, theta, limit))
+        fit = Fit(problem, runs, _maximise(problem, runs, point, limit))
         wider = _widened(runs, shown, fit.maximum)
         if not is_sound(fit) or all(b.F < SHORT * a.F for a, b in zip(runs, wider)):
             break
-        runs, theta = wider, fit.maximum.theta
+        runs, point = wider, evaluate(fit.maximum.theta, wider)
     return fit
 
 
@@ -241,18 +252,18 @@ def _needed(run: Run, maximum: Maximum) -> int:
 
 
 def _maximise(
-    problem: Problem, runs: list[Run], theta: Array, limit: int = LIMIT, tolerance: float = TOLERANCE
+    problem: Problem, runs: list[Run], point: Point, limit: int = LIMIT, tolerance: float = TOLERANCE
 ) -> Maximum:
-    free, n = problem.free, problem.maps.n
+    free, n, theta = problem.free, problem.maps.n, point.theta
     if problem.definite:
-        found = maximise(runs, theta, limit=limit, tolerance=tolerance)
+        found = maximise(runs, theta, None, limit, tolerance, point)
         if found.converged and all(np.linalg.eigvalsh(X)[0] > 0 for X in unpack(found.theta, n)):
             return found
         return maximise(runs, factor(found.theta, n), definite_parameters(n), limit, tolerance)
     if problem.proportional:
         return maximise(runs, proportions(theta, n), proportional_parameters(n), limit, tolerance)
     if free.all():
-        return maximise(runs, theta, limit=limit, tolerance=tolerance)
+        return maximise(runs, theta, None, limit, tolerance, point)
     T = np.eye(len(theta))[:, free]
 
     def value(phi: Array) -> Array:
@@ -260,4 +271,4 @@ def _maximise(
         full[free] = phi
         return full
 
-    return maximise(runs, theta[free], Parameters(value, lambda phi: T), limit, tolerance)
+    return maximise(runs, theta[free], Parameters(value, lambda phi: T), limit, tolerance, point)

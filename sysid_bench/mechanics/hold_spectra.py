@@ -9,28 +9,29 @@ from sysid_bench.mechanics.rules import rule, spline_slopes
 from sysid_bench.nouns import Array, Complex, InputError, NotApplicable
 
 
-def drive_spectra(u: Array, U: Complex, z: Complex, hold: str) -> Complex:
-    """DFT (F, J, nu) of the rule's coefficients of the steps between samples u (N, nu), zero after the last sample.
+def drive_spectra(u: Array, U: Complex, z: Complex, weight: Array, hold: str) -> Complex:
+    """Spectra (F, J, nu) of the rule's coefficients of the steps between samples u (N, nu), zero after the last sample.
 
-    U (F, nu) that of u, z (F, 1) = exp(j omega h): what follows from one sample to the next is a turn. Raises NotApplicable
-    for fewer than 4 samples behind a spline.
+    In the first F bins of the DFT, times weight (F, 1). U (F, nu): those of u; z (F, 1) = exp(j omega h): what follows from
+    one sample to the next is a turn. Raises NotApplicable for fewer than 4 samples behind a spline.
     """
     if len(u) < 4:
         raise NotApplicable(f"a hold through the samples needs at least 4 of them; the record has {len(u)}.")
-    at, after = _ends_of_steps(u, U, z)
+    last = z * weight
+    at, after = _ends_of_steps(u, U, z, last)
     if hold == "zoh":
         return at[:, None]
     if hold == "foh":
         return np.stack([at, after - at], axis=1)
     slopes = spline_slopes(u)
-    slope, slope_after = _ends_of_steps(slopes, rfft(slopes, axis=0), z)
+    slope, slope_after = _ends_of_steps(slopes, rfft(slopes, axis=0)[: len(z)] * weight, z, last)
     bend = slope + slope_after - 2 * (after - at)
     return np.stack([at, slope, after - at - slope - bend, bend], axis=1)
 
 
-def _ends_of_steps(x: Array, X: Complex, z: Complex) -> tuple[Complex, Complex]:
-    """DFT of x (N, m) at the beginning and the end of each step, X (F, m) being that of x."""
-    return X - z * x[-1], z * (X - x[0])
+def _ends_of_steps(x: Array, X: Complex, z: Complex, last: Complex) -> tuple[Complex, Complex]:
+    """Spectra of x (N, m) at the beginning and the end of each step, X (F, m) being those of x, last (F, 1) of its last one."""
+    return X - last * x[-1], z * X - last * x[0]
 
 
 def discrete_modes(poles: Complex, h: float, hold: str) -> tuple[Complex, Complex]:

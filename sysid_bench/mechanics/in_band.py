@@ -27,8 +27,8 @@ SHORTEST = 16
 class Spectra:
     """All bins of one uniform record, scaled so that white noise of variance v has E|Y_f|^2 = 2 v.
 
-    omega (F,) rad/s, z (F, 1) = exp(j omega h), U (F, nu), Y (F, ny), drive (F, J, nu): spectra of what drives the held input (None:
-    band-limited), weight (F,): sqrt(2/N), sqrt(1/N) at zero and Nyquist; mask (N,): 1 where y was measured,
+    omega (F,) rad/s, z (F, 1) = exp(j omega h), U (F, nu), Y (F, ny), weight (F,): sqrt(2/N), sqrt(1/N) at zero and Nyquist;
+    drive (some bins, J, nu): spectra of what drives the held input (see `driven`); mask (N,): 1 where y was measured,
     None where everywhere. u, y: the samples, with gaps filled; note: what was done to them.
     """
 
@@ -42,7 +42,7 @@ class Spectra:
     weight: Array
     U: Complex
     Y: Complex
-    drive: Complex | None
+    drive: Complex | None = None
     mask: Array | None = None
     note: str = ""
 
@@ -66,12 +66,21 @@ def spectra(
     weight[0] = np.sqrt(1.0 / N)
     if N % 2 == 0:
         weight[-1] = weight[0]
-    U, Y = rfft(u, axis=0), rfft(y, axis=0)
-    z, drive = np.exp(1j * omega * h)[:, None], None
-    if hold != "bandlimited":
-        drive = drive_spectra(u, U, z, hold) * weight[:, None, None]
-    scale = weight[:, None]
-    return Spectra(u, y, h, hold, period or N, omega, z, weight, U * scale, Y * scale, drive, mask)
+    U, Y = (rfft(x, axis=0) * weight[:, None] for x in (u, y))
+    return Spectra(
+        u, y, h, hold, period or N, omega, np.exp(1j * omega * h)[:, None], weight, U, Y, mask=mask
+    )
+
+
+def driven(data: Spectra, F: int) -> Spectra:
+    """With what drives the held input in the first F bins; a band-limited one is driven by its own spectrum.
+
+    Raises NotApplicable for too few samples.
+    """
+    if data.hold == "bandlimited":
+        return data
+    drive = drive_spectra(data.u, data.U[:F], data.z[:F], data.weight[:F, None], data.hold)
+    return replace(data, drive=drive)
 
 
 def squared(X: Complex) -> Array:
@@ -112,9 +121,9 @@ def band_edge(data: Spectra) -> int:
     The floor is the least smoothed power, then the mean power above the band; where the response fills the
     whole spectrum, so does the band. Raises NotApplicable for an output that does not move.
     """
-    moves = (data.y != data.y[0]).any(axis=0)
-    if not moves.all():
-        raise NotApplicable(f"output channel {int(np.argmin(moves))} never moves.")
+    moves = [bool(np.any(y != y[0])) for y in data.y.T]
+    if not all(moves):
+        raise NotApplicable(f"output channel {moves.index(False)} never moves.")
     floor, width = noise_floor(data.power), SMOOTH
     for _ in range(2):
         edge = _edge(data.power, floor, width)

@@ -46,10 +46,14 @@ def maximise(
     parameters: Parameters | None = None,
     limit: int = LIMIT,
     tolerance: float = TOLERANCE,
+    point: Point | None = None,
 ) -> Maximum:
-    """Levenberg-Marquardt from phi. Raises Diverged where not even the start can be simulated."""
+    """Levenberg-Marquardt from phi; point: the likelihood there, where it is known already.
+
+    Raises Diverged where not even the start can be simulated.
+    """
     parameters = parameters or Parameters()
-    point = evaluate(parameters.value(phi), runs)
+    point = point or evaluate(parameters.value(phi), runs)
     mu, converged, iterations = 0.0, False, 0
     while iterations < limit:
         iterations += 1

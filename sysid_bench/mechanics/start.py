@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.likelihood import Run, evaluate
+from sysid_bench.mechanics.likelihood import Point, Run, evaluate
 from sysid_bench.mechanics.linear_start import equation_error_normal
 from sysid_bench.mechanics.maximum import maximise
 from sysid_bench.mechanics.modal_start import modal_start
@@ -32,21 +32,22 @@ SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better 
 
 def starts(
     runs: list[Run], free: NDArray[np.bool_], known: Array, guess: Array | None, whole_band: bool
-) -> Iterator[Callable[[], Array]]:
-    """Functions that return theta (ntheta,), or raise Diverged or NotApplicable."""
+) -> Iterator[Callable[[], Point]]:
+    """Functions that return the likelihood at a start, or raise Diverged or NotApplicable."""
     yield lambda: refined_start(runs, free, linear_start(runs, free, known))
-    yield lambda: linear_start(runs, free, known)
+    yield lambda: evaluate(linear_start(runs, free, known), runs)
     if whole_band:
         for lift in LIFTS:
             yield partial(definite_start, runs, free, known, lift)
         for per_period in SAMPLES_PER_PERIOD:
-            yield partial(_from_modes, runs[0], free, known, per_period)
+            yield partial(_from_modes, runs, free, known, per_period)
         if guess is not None:
-            yield lambda: np.array(guess)
+            yield lambda: evaluate(np.array(guess), runs)
 
 
-def _from_modes(run: Run, free: NDArray[np.bool_], known: Array, per_period: float) -> Array:
-    return np.where(free, modal_start(run.data, run.maps, run.F, per_period), known)
+def _from_modes(runs: list[Run], free: NDArray[np.bool_], known: Array, per_period: float) -> Point:
+    run = runs[0]
+    return evaluate(np.where(free, modal_start(run.data, run.maps, run.F, per_period), known), runs)
 
 
 def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Array:
@@ -62,28 +63,24 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
     return theta
 
 
-def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Array:
-    """theta (ntheta,) after instrumental-variable steps, as long as the likelihood gains from them and no mode grows; all
-    entries free only."""
+def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Point:
+    """The likelihood after instrumental-variable steps from theta (ntheta,), as long as it gains from them and no mode
+    grows; all entries free only."""
+    point = evaluate(theta, runs)
     if len(runs) > 1 or not free.all():
-        return theta
-    run, cost = runs[0], _cost(theta, runs, np.inf)
+        return point
     for _ in range(STEPS):
-        try:
-            trial = refine(run.data, run.maps, run.F, theta, steps=1)[0]
-        except Diverged:
-            return theta
-        trial_cost = _cost(trial, runs, GROWTH)
-        if not trial_cost < cost:
-            return theta
-        gain, theta, cost = cost - trial_cost, trial, trial_cost
+        trial = _refined(runs, point.theta)
+        if trial is None or trial.cost >= point.cost:
+            return point
+        gain, point = point.cost - trial.cost, trial
         if gain < SETTLED:
-            return theta
-    return theta
+            return point
+    return point
 
 
-def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift: float) -> Array:
-    """theta (ntheta,) after a search among positive matrices, from linear_start lifted well into them; all free only.
+def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift: float) -> Point:
+    """The likelihood after a search among positive matrices, from linear_start lifted well into them; all free only.
 
     Noise on the output makes the least-squares matrices too small and indefinite; outside the positive ones lie most
     of the wrong maxima. Raises NotApplicable with other entries.
@@ -92,14 +89,15 @@ def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift:
         raise NotApplicable("a search among positive matrices wants all entries free.")
     n = runs[0].maps.n
     lifted = pack(*(definite(X, lift) for X in unpack(linear_start(runs, free, known), n)))
-    return maximise(runs, factor(lifted, n), definite_parameters(n)).theta
+    return evaluate(maximise(runs, factor(lifted, n), definite_parameters(n)).theta, runs)
 
 
-def _cost(theta: Array, runs: list[Run], growth: float) -> float:
-    """Infinite where theta cannot be simulated or a mode grows faster than `growth`, relative to its frequency."""
+def _refined(runs: list[Run], theta: Array) -> Point | None:
+    """The likelihood after one instrumental step; None where it cannot be simulated or a mode grows."""
+    run = runs[0]
     try:
-        point = evaluate(theta, runs)
+        point = evaluate(refine(run.data, run.maps, run.F, theta, steps=1)[0], runs)
     except Diverged:
-        return np.inf
+        return None
     poles = point.modes.poles
-    return point.cost if np.all(poles.real <= growth * np.abs(poles)) else np.inf
+    return point if np.all(poles.real <= GROWTH * np.abs(poles)) else None

@@ -86,4 +86,4 @@ class VariationalGauss2:
         problem = problem_of([record], model, "diagonal", False, False)
         run = in_band_run(record, problem, "cubic")
         everything = np.ones_like(problem.free)
-        return refined_start([run], everything, linear_start([run], everything, problem.known))
+        return refined_start([run], everything, linear_start([run], everything, problem.known)).theta
