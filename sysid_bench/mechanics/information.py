@@ -22,6 +22,7 @@ from sysid_bench.nouns import Array, Complex
 
 ENDS = (1, 0)  # powers of s in the force that makes the free motion
 BLOCK = 32768  # numbers of a transfer function that are formed at a time: they stay in the cache
+FEWEST = 512  # bins at a time: with many masses the sums themselves, of n^4 numbers, are what must not be touched often
 
 
 def information_and_gradient(point: Point, runs: Sequence[Run]) -> tuple[Array, Array]:
@@ -44,7 +45,7 @@ class _Sums:
 def _normal(point: Point, run: Run, fit: Fitted) -> tuple[Array, Array]:
     """H and g of one run; the free motion from the state x is that of the force (s M + D) q + M q' at the start."""
     modes, n = point.modes, run.maps.n
-    size = max(BLOCK // n**2, 1)
+    size = max(BLOCK // n**2, FEWEST)
     sums = (_summed(modes, run, fit, slice(k, min(k + size, run.F))) for k in range(0, run.F, size))
     total = reduce(add, sums)
     M, D, _ = unpack(point.theta, n)
