@@ -19,7 +19,7 @@ from sysid_bench.doors import view
 from sysid_bench.nouns import CLIPPED, LOST, InputError, Record
 from sysid_bench.records import write_record
 from sysid_bench.views import viewer
-from sysid_bench.views.rerun_record import facts, write_record_rrd
+from sysid_bench.views.rerun_record import FEWEST, SWINGS, facts, samples_in_sight, write_record_rrd
 from sysid_bench.views.study import read_study, write_views
 
 DRIVERS = [Path(p) for p in ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d")]
@@ -70,6 +70,14 @@ def looked_at(rrd: Path, times: int = 2):
 def coloured(picture: np.ndarray) -> float:
     """Share of the pixels with a strong colour: curves are coloured, the viewer's frame is grey."""
     return float(np.mean(np.ptp(picture, axis=-1) > 0.3))
+
+
+@pytest.mark.parametrize(("period", "wanted"), [(500, 500 * SWINGS), (3, FEWEST), (50_000, 20_000)])
+def test_some_swings_of_the_slowest_channel_are_in_sight(period: int, wanted: int) -> None:
+    k = np.arange(20_000)
+    y = np.column_stack([np.sin(2 * np.pi * k / period), 9 * np.sin(k), np.full(len(k), 3.0)])
+    y[7] = np.nan
+    assert samples_in_sight(y) == pytest.approx(wanted, rel=0.02)
 
 
 @needs_graphics
@@ -147,7 +155,7 @@ def entities_of(rrd: Path) -> set[str]:
 
 def test_flags_and_origin_are_told_in_words():
     text = facts(some_record(), "run.mcap")
-    assert "| flagged samples | 11 |" in text and "- rig.bus: virtual" in text
+    assert "| flagged samples | 11 |" in text and "- `rig.bus`: virtual" in text
 
 
 def test_without_a_display_it_says_what_to_do(results, capsys, monkeypatch):

@@ -13,9 +13,16 @@ from sysid_bench.gap.inverse import ENDS
 from sysid_bench.views.gap_clouds import found_forces, unexplained
 from sysid_bench.views.gap_figures import leftover, power_by_frequency
 from sysid_bench.views.gap_words import WORDS, budget, place_words, suspects, unit_of
-from sysid_bench.views.rerun_record import log_markdown, log_series, panels, recording, signal_view, x_range
+from sysid_bench.views.rerun_record import (
+    log_markdown,
+    log_series,
+    panels,
+    recording,
+    seconds_in_sight,
+    signal_view,
+)
 
-IN_SIGHT, CLOUD, BANDS = 600, 3000, 60
+CLOUD, BANDS = 3000, 60
 
 
 def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path:
@@ -25,7 +32,7 @@ def write_gap_rrd(path: Path, answer: Answer, values: Mapping[str, Any]) -> Path
 
     after = answer.after[0]
     t = after.trace.t
-    axis = x_range(float(t[0]), float(t[min(len(t), IN_SIGHT) - 1]), "seconds")
+    axis = seconds_in_sight(t, after.trace.y, int(ENDS * len(t)))  # where the force is shown
     views = [
         signal_view(
             f"output/{c + 1}", f"y{c + 1} ({unit_of(answer, c)}): measured, given and better model", axis

@@ -13,11 +13,11 @@ from sysid_bench.views.rerun_record import (
     log_signals,
     panels,
     recording,
+    seconds_in_sight,
     signal_view,
-    x_range,
 )
 
-LARGEST_PAGE, IN_SIGHT = 6, 300
+LARGEST_PAGE = 6
 
 
 def write_identify_rrd(
@@ -27,8 +27,7 @@ def write_identify_rrd(
     import rerun as rr
     import rerun.blueprint as rrb
 
-    last = min(record.N, IN_SIGHT) - 1
-    axis = x_range(float(record.t[0]), float(record.t[last]), "seconds")
+    axis = seconds_in_sight(record.t, record.y)
     views = [
         signal_view(f"output/{j + 1}", f"y{j + 1}: measured and simulated", axis) for j in range(record.ny)
     ]

@@ -6,15 +6,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.fft import rfft
 
-from sysid_bench.nouns import CLIPPED, CORRUPTED, DUPLICATED, LATE, LOST, REORDERED, STUCK, Record
+from sysid_bench.nouns import CLIPPED, CORRUPTED, DUPLICATED, LATE, LOST, REORDERED, STUCK, Array, Record
 from sysid_bench.views.html import flat
 from sysid_bench.views.style import COLOURS
 
 FLAGS = {LOST: "lost", DUPLICATED: "duplicated", REORDERED: "reordered", CORRUPTED: "corrupted", LATE: "late",
          CLIPPED: "clipped", STUCK: "stuck"}  # fmt: skip
 
-SAMPLES_IN_SIGHT = 1000  # the rest is there to scroll to
+SWINGS, FEWEST, MOST = (
+    20,
+    300,
+    100_000,
+)  # in sight of the slowest channel; samples; the rest is there to scroll to
 
 
 def write_record_rrd(record: Record, path: Path, title: str) -> Path:
@@ -22,8 +27,7 @@ def write_record_rrd(record: Record, path: Path, title: str) -> Path:
     import rerun.blueprint as rrb
 
     page = rrb.TextDocumentView(origin="about", name="about")
-    last = min(record.N, SAMPLES_IN_SIGHT) - 1
-    axis = x_range(float(record.t[0]), float(record.t[last]), "seconds")
+    axis = seconds_in_sight(record.t, record.y)
     plots = [signal_view(group, group, axis) for group in groups(record)]
     shares = [3, 2, 1][: len(plots)]
     blueprint = rrb.Blueprint(
@@ -48,6 +52,19 @@ def signal_view(origin: str, name: str, axis: Any, legend: bool = True) -> Any:
     return rrb.TimeSeriesView(
         origin=origin, name=name, axis_x=axis, plot_legend=rrb.PlotLegend(visible=legend)
     )
+
+
+def samples_in_sight(y: Array) -> int:
+    """How many samples of y (N, ny) show SWINGS swings of the slowest channel, taken at its median frequency."""
+    part = np.nan_to_num(y[:MOST])
+    power = np.cumsum(np.abs(rfft(part - part.mean(axis=0), axis=0)) ** 2, axis=0)
+    cycles = min((int(np.searchsorted(one, one[-1] / 2)) for one in power.T if one[-1] > 0), default=1)
+    return min(max(FEWEST, SWINGS * len(part) // max(cycles, 1)), len(part))
+
+
+def seconds_in_sight(t: Array, y: Array, first: int = 0) -> Any:
+    """The x axis of the samples in sight of y (N, ny) from the first one on."""
+    return x_range(float(t[first]), float(t[min(first + samples_in_sight(y), len(t)) - 1]), "seconds")
 
 
 def x_range(start: float, end: float, kind: str = "seq") -> Any:
@@ -154,4 +171,4 @@ def facts(record: Record, title: str) -> str:
         for j, x in enumerate(np.where(np.isfinite(values), values, 0.0).T):
             lines.append(f"| {group}{j + 1} | {np.sqrt(np.mean(x**2)):.4g} | {x.min():.4g} | {x.max():.4g} |")
     origin = flat(dict(record.origin))
-    return "\n".join([*lines, "", "## Origin", "", *[f"- {key}: {value[:200]}" for key, value in origin]])
+    return "\n".join([*lines, "", "## Origin", "", *[f"- `{key}`: {value[:200]}" for key, value in origin]])

@@ -16,7 +16,6 @@ import numpy as np
 from sysid_bench.views.panel import bound_curve, curve_look, label_of, positions, series_values
 from sysid_bench.views.report import summary_markdown
 from sysid_bench.views.rerun_record import (
-    SAMPLES_IN_SIGHT,
     facts,
     groups,
     log_markdown,
@@ -24,6 +23,7 @@ from sysid_bench.views.rerun_record import (
     log_signals,
     panels,
     recording,
+    samples_in_sight,
     signal_view,
     x_range,
 )
@@ -150,7 +150,7 @@ def _log_line(
 def _record_tab(path: Path, record: Any) -> Any:
     import rerun.blueprint as rrb
 
-    axis = x_range(0, min(record.N, SAMPLES_IN_SIGHT))
+    axis = x_range(0, samples_in_sight(record.y))
     plots = [signal_view(f"record/{g}", f"{g} against the sample number", axis) for g in groups(record)]
     page = rrb.TextDocumentView(origin="record/about", name="about")
     return rrb.Horizontal(rrb.Vertical(*plots), page, column_shares=[4, 1], name=f"record {path.stem[:12]}")
