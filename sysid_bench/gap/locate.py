@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid_bench.gap.basis import Basis
 from sysid_bench.gap.columns import own_columns, theta_columns
@@ -11,7 +14,9 @@ from sysid_bench.gap.motion import free_response
 from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.effect import direction
-from sysid_bench.nouns import Array
+from sysid_bench.nouns import Array, Complex
+
+MOST = 36  # places refitted for: those of eight degrees of freedom
 
 
 def places(n: int) -> list:
@@ -24,52 +29,80 @@ def explained_by_place(
 ) -> dict:
     """Share of what is left that some force history at one place could explain, M, D, K refitted, for every place.
 
-    A force along c moves the channels along g = G c at each frequency; what lies across g cannot come from there.
+    A force along c moves the channels along g = G c at each frequency; what lies across g cannot come from there. Of very
+    many places only the likeliest MOST are refitted for.
     """
-    traces = [_whitened(problem, point, s) for s in seens]
-    offset = b.offset
-    plain = _leftover(traces, None, b, problem.prior * prior_scale, offset)
-    out = {}
-    for place in places(problem.model.n):
-        c = direction(place, problem.model.n)
-        out[place] = 1 - _leftover(traces, c, b, problem.prior * prior_scale, offset) / max(plain, 1e-300)
+    traces, n = _equations(problem, point, seens, b), problem.model.n
+    prior = problem.prior * prior_scale
+    plain, x = _leftover(traces, None, b, prior)
+    out = {place: _along(traces, direction(place, n), x) / max(plain, 1e-300) for place in places(n)}
+    for place in sorted(out, key=lambda place: -out[place])[:MOST]:
+        out[place] = 1 - _leftover(traces, direction(place, n), b, prior)[0] / max(plain, 1e-300)
     return out
 
 
-def _whitened(problem: Problem, point: Point, s: SeenMotion):
-    """(Z, r, G): complex whitened columns (F, ny, p), target (F, ny), response (F, ny, n) of one trace."""
-    free = free_response(s.linear.assembly, s.trace, problem.model.output)
-    own = np.concatenate([theta_columns(problem, s), own_columns(problem, point, s)], axis=2)
-    w = s.trace.weight[:, :, None]
-    return free * w, own * w, s.left * s.trace.weight, s.G[:, :, : problem.model.n] * w
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """One trace's: Z (F, ny, p) whitened columns, r (F, ny) target, G (F, ny, n) response, where (p,) in the basis the
+    columns stand; gram (p, p) and right (p,) over all channels."""
+
+    Z: Complex
+    r: Complex
+    G: Complex
+    where: NDArray[np.int_]
+    gram: Array
+    right: Array
+
+    def across(self, c: Array) -> Complex:
+        """(F, ny) unit vectors along which a force at c moves the channels."""
+        g = self.G @ c
+        return g / np.maximum(np.linalg.norm(g, axis=1), 1e-300)[:, None]
 
 
-def _leftover(traces, c: Array | None, b: Basis, prior: Array, offset: int) -> float:
-    """Energy across G c that M, D, K and the free response cannot explain; all of it where c is None."""
-    size = len(b.norms)
-    gram, right, energy, rows, at = np.zeros((size, size)), np.zeros(size), 0.0, 0, 0
-    for free, own, r, G in traces:
-        Z = np.concatenate([free, own], axis=2)
-        where = np.concatenate([np.arange(at, at + free.shape[2]), np.arange(offset, size)])
-        Z, at = Z / b.norms[where], at + free.shape[2]
-        flat, target = Z.reshape(-1, Z.shape[2]), r.reshape(-1)
-        part = (flat.conj().T @ flat).real
-        match = (flat.conj().T @ target).real
-        energy += float(np.sum(np.abs(r) ** 2))
-        rows += r.size * 2
+def _equations(problem: Problem, point: Point, seens: list[SeenMotion], b: Basis) -> list[_Equations]:
+    out, at = [], 0
+    for s in seens:
+        free = free_response(s.linear.assembly, s.trace, problem.model.output)
+        own = np.concatenate([theta_columns(problem, s), own_columns(problem, point, s)], axis=2)
+        w = s.trace.weight[:, :, None]
+        where = np.concatenate([np.arange(at, at + free.shape[2]), np.arange(b.offset, len(b.norms))])
+        Z, at = np.concatenate([free, own], axis=2) * (w / b.norms[where]), at + free.shape[2]
+        r, flat = s.left * s.trace.weight, _stacked(Z.reshape(-1, Z.shape[2]))
+        right = flat.T @ _stacked(r.reshape(-1))
+        out.append(_Equations(Z, r, s.G[:, :, : problem.model.n] * w, where, flat.T @ flat, right))
+    return out
+
+
+def _stacked(X: Complex) -> Array:
+    return np.concatenate([X.real, X.imag])
+
+
+def _along(traces: list[_Equations], c: Array, x: Array) -> float:
+    """Energy along G c of what x (p,) leaves."""
+    return sum(
+        float(np.sum(np.abs(np.sum(one.across(c).conj() * (one.r - one.Z @ x[one.where]), axis=1)) ** 2))
+        for one in traces
+    )
+
+
+def _leftover(traces: list[_Equations], c: Array | None, b: Basis, prior: Array) -> tuple[float, Array]:
+    """Energy across G c that M, D, K and the free response cannot explain, all of it where c is None; what they are then."""
+    size, offset = len(b.norms), b.offset
+    gram, right, energy, rows = np.zeros((size, size)), np.zeros(size), 0.0, 0
+    for one in traces:
+        part, match = one.gram, one.right
+        energy += float(np.sum(np.abs(one.r) ** 2))
+        rows += one.r.size * 2
         if c is not None:
-            g = G @ c
-            g = g / np.maximum(np.linalg.norm(g, axis=1), 1e-300)[:, None]
-            along = np.einsum("fc,fcp->fp", g.conj(), Z, optimize=True)
-            hit = np.einsum("fc,fc->f", g.conj(), r)
-            part -= (along.conj().T @ along).real
-            match -= (along.conj().T @ hit).real
-            energy -= float(np.sum(np.abs(hit) ** 2))
-            rows -= 2 * len(hit)
-        gram[np.ix_(where, where)] += part
-        right[where] += match
+            g = one.across(c)[:, None, :].conj()
+            along, hit = _stacked((g @ one.Z)[:, 0]), _stacked((g @ one.r[:, :, None])[:, 0, 0])
+            part, match = part - along.T @ along, match - along.T @ hit
+            energy -= float(hit @ hit)
+            rows -= len(hit)
+        gram[np.ix_(one.where, one.where)] += part
+        right[one.where] += match
     nt, left = len(prior), energy
-    held = np.zeros(size)
+    held, x = np.zeros(size), np.zeros(size)
     for _ in range(2):
         pull = max(1.0, left / max(rows, 1)) / prior**2
         held[offset : offset + nt] = pull / b.norms[offset : offset + nt] ** 2
@@ -77,7 +110,7 @@ def _leftover(traces, c: Array | None, b: Basis, prior: Array, offset: int) -> f
         toward[offset : offset + nt] = -pull * b.theta0 / b.norms[offset : offset + nt]
         x = np.linalg.solve(gram + np.diag(held + 1e-9), right + toward)
         left = max(float(energy - 2 * right @ x + x @ gram @ x), 0.0)
-    return left
+    return left, x
 
 
 def unexplained_force(problem: Problem, s: SeenMotion, left: np.ndarray) -> tuple[Array, Array]:
