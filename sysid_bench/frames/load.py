@@ -63,12 +63,12 @@ class Load:
     def share(self) -> float:
         return sum(s.share(self.bitrate_bps, self.data_bitrate_bps) for s in self.streams)
 
-    def arithmetic(self) -> str:
+    def arithmetic(self, between: str = "; ") -> str:
         lines = [s.line(self.bitrate_bps, self.data_bitrate_bps) for s in self.streams]
         speed = f"{self.bitrate_bps / 1e6:g} Mbit/s"
         if any(s.fd for s in self.streams):
             speed += f", data phase {self.data_bitrate_bps / 1e6:g} Mbit/s"
-        return "; ".join(lines) + f"; together {100 * self.share:.1f} % of {speed}"
+        return between.join([*lines, f"together {100 * self.share:.1f} % of {speed}"])
 
     def fitting_rate_hz(self, budget: float) -> float:
         """The highest sample rate within the budget, rounded down to two digits; 0 where none fits."""

@@ -35,7 +35,8 @@ def explained_by_place(
     traces, n = _equations(problem, point, seens, b), problem.model.n
     prior = problem.prior * prior_scale
     plain, x = _leftover(traces, None, b, prior)
-    out = {place: _along(traces, direction(place, n), x) / max(plain, 1e-300) for place in places(n)}
+    left = [one.r - one.Z @ x[one.where] for one in traces]
+    out = {place: _along(traces, direction(place, n), left) / max(plain, 1e-300) for place in places(n)}
     for place in sorted(out, key=lambda place: -out[place])[:MOST]:
         out[place] = 1 - _leftover(traces, direction(place, n), b, prior)[0] / max(plain, 1e-300)
     return out
@@ -77,12 +78,10 @@ def _stacked(X: Complex) -> Array:
     return np.concatenate([X.real, X.imag])
 
 
-def _along(traces: list[_Equations], c: Array, x: Array) -> float:
-    """Energy along G c of what x (p,) leaves."""
-    return sum(
-        float(np.sum(np.abs(np.sum(one.across(c).conj() * (one.r - one.Z @ x[one.where]), axis=1)) ** 2))
-        for one in traces
-    )
+def _along(traces: list[_Equations], c: Array, left: list[Complex]) -> float:
+    """Energy along G c of residuals (F, ny)."""
+    hits = [np.sum(one.across(c).conj() * left_one, axis=1) for one, left_one in zip(traces, left)]
+    return sum(float(np.sum(np.abs(hit) ** 2)) for hit in hits)
 
 
 def _leftover(traces: list[_Equations], c: Array | None, b: Basis, prior: Array) -> tuple[float, Array]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from sysid_bench.gap.basis import basis
 from sysid_bench.gap.candidates import Screen, judged
 from sysid_bench.gap.descent import Fit
-from sysid_bench.gap.locate import explained_by_place, places, promise_of
+from sysid_bench.gap.locate import MOST, explained_by_place, places, promise_of
 from sysid_bench.gap.motion import seen
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.suspects import at_place, couplings, on_the_input, on_the_sensors
@@ -36,14 +36,11 @@ def screen(
     by_place = explained_by_place(problem, fit.point, seens, b, prior_scale)
     worth = places(problem.model.n)
     if problem.model.n > 3:
-        promise = {place: promise_of(problem, seens, b, place) for place in worth}
+        likely = sorted(by_place, key=lambda place: -by_place[place])[:MOST]
+        promise = {place: promise_of(problem, seens, b, place) for place in likely}
         half = MOST_PLACES // 2
         worth = sorted(promise, key=lambda place: -promise[place])[:half]
-        worth += [
-            place
-            for place in sorted(by_place, key=lambda place: -by_place[place])[:half]
-            if place not in worth
-        ]
+        worth += [place for place in likely[:half] if place not in worth]
     shelves = [at_place(problem, fit.point, seens, b, catalogue, place) for place in worth]
     if any(k.name == "missing_coupling" for k in catalogue):
         shelves.append(couplings(problem, seens, b))

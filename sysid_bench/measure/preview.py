@@ -31,6 +31,9 @@ def predicted(plan: Commands, rig: Any, model: Model) -> Array:
     return simulate_linear(model, plan.u, 1 / rig.rate_hz, "zoh")
 
 
+NEXT_LINE = "\n" + 12 * " "
+
+
 def preview(plan: Commands, rig: Any, load: Load, y: Array | None) -> str:
     """The text of a preview."""
     h = 1 / rig.rate_hz
@@ -41,7 +44,7 @@ def preview(plan: Commands, rig: Any, load: Load, y: Array | None) -> str:
         f"run         {plan.total * h:.4g} s: {plan.first * h:.3g} s run-in, record of {plan.N} samples, run-out",
         "force       " + _peaks(plan.u, units) + f"; limit {rig.force_limit:g}",
         f"force rate  {np.abs(rate).max():.4g} per s; limit {rig.force_rate_limit:g}",
-        f"bus load    {load.arithmetic()}; budget {100 * rig.load_budget:.0f} %",
+        f"bus load    {load.arithmetic(NEXT_LINE)}; budget {100 * rig.load_budget:.0f} %",
         f"watchdog    the device zeroes its force {rig.watchdog_s:g} s after the host falls silent",
     ]
     if y is None:

@@ -152,11 +152,16 @@ def _responses(plt: Any, record: Record, estimate: Estimate, predicted: Array) -
     for axis, (i, j) in zip(axes, cells):
         axis.loglog(f, np.abs(measured[:, i, j]), ".", color=MEASURED, markersize=2.5, label="measured")
         axis.loglog(f, np.abs(simulated[:, i, j]), color=SIMULATED, linewidth=1.2, label="simulated")
-        axis.set_ylabel(f"|y{i + 1}/u{j + 1}|")
+        axis.set_ylabel(f"|y{i + 1}/u{j + 1}|{_ratio(record, i, j)}")
         _frequency_axis(axis, estimate)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     head(figure, "Frequency response", f"cross spectra of both outputs with the input; {NATURAL}")
     return [figure]
+
+
+def _ratio(record: Record, i: int, j: int) -> str:
+    y, u = (unit(record, group, k).strip(" ()") for group, k in (("y", i), ("u", j)))
+    return f" ({y or '1'}/{u or '1'})" if y or u else ""
 
 
 def _parameters(plt: Any, model: Model, estimate: Estimate) -> Any:
