@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -30,6 +31,11 @@ class Basis:
     lefts: list[np.ndarray]  # per trace (F, ny): whitened spectrum of what is left
     noise: float = 1.0  # rms of a row beyond all columns, at least 1: what the prior was weighed with
     held: Array = field(default_factory=lambda: np.zeros(0))  # (ntheta,) its rows' entries, in units of norms
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Pseudoinverse of R."""
+        return np.linalg.pinv(self.R, rcond=1e-9)
 
 
 def basis(problem: Problem, point: Point, seens: list[SeenMotion], prior_scale: float) -> Basis:

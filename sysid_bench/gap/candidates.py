@@ -99,7 +99,7 @@ def judged(problem: Problem, b: Basis, shelf: Shelf, known: Array | None = None)
     target, nt = shelf.A.T @ r, len(problem.entries)
     y, explained = _small_fits(shelf, target, KA)
     shares = np.add.reduceat(shelf.QA * y, [first for first, _, _, _ in shelf.groups], axis=1)
-    X = np.linalg.pinv(b.R, rcond=1e-9) @ ((b.Q.T @ b.target)[:, None] - shares) / b.norms[:, None]
+    X = b.inverse @ ((b.Q.T @ b.target)[:, None] - shares) / b.norms[:, None]
     theta = np.clip(b.theta0[:, None] + X[b.offset : b.offset + nt], -0.95, 2.0).T
     price, coefficients, out = np.log(len(b.r)), y / shelf.norms, []
     for k, (first, last, make, parameters) in enumerate(shelf.groups):
@@ -115,11 +115,19 @@ def judged(problem: Problem, b: Basis, shelf: Shelf, known: Array | None = None)
 def _small_fits(shelf: Shelf, target: Array, KA: Array | None) -> tuple[Array, Array]:
     """(y (m,), energy (groups,)): each group's own least squares, and what it explains; KA: what is known of the columns."""
     y, explained = np.empty(len(target)), np.empty(len(shelf.groups))
-    for k, ((first, last, _, _), gram) in enumerate(zip(shelf.groups, shelf.grams)):
-        S, t = gram + 1e-6 * np.eye(last - first), target[first:last]
+    alone = [k for k, (first, last, _, _) in enumerate(shelf.groups) if last == first + 1]
+    at = [shelf.groups[k][0] for k in alone]
+    S, t = np.array([shelf.grams[k].item() for k in alone]) + 1e-6, target[at]
+    if KA is not None:
+        S = S - _squares(KA[:, at])
+    y[at] = t / S
+    explained[alone] = t * y[at]
+    for k in sorted(set(range(len(shelf.groups))).difference(alone)):
+        first, last, _, _ = shelf.groups[k]
+        S, t = shelf.grams[k] + 1e-6 * np.eye(last - first), target[first:last]
         if KA is not None:
             S = S - KA[:, first:last].T @ KA[:, first:last]
-        y[first:last] = one = t / S[0, 0] if len(t) == 1 else np.linalg.solve(S, t)
+        y[first:last] = one = np.linalg.solve(S, t)
         explained[k] = 2 * one @ t - one @ S @ one
     return y, explained
 

@@ -60,32 +60,42 @@ def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Arra
 
 
 def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
-    """(N, len(effects)) forces of some effects at one place along a given motion of it; one kind with memory is one loop."""
-    out = np.empty((len(effects), len(x))).T  # each column contiguous
-    with_memory: dict[tuple, list[int]] = {}
-    for k, effect in enumerate(effects):
-        if effect.states:
-            with_memory.setdefault((type(effect), effect.numeric), []).append(k)
-        else:
-            given = [x, v, t0 + h * np.arange(len(x)), h, x, 0.0, *effect.values.tolist()]
-            out[:, k] = over(law_tapes(effect)[2], given)[0]
+    """(N, len(effects)) forces of some effects at one place along a given motion of it."""
+    return forces_at([effects], x[:, None], v[:, None], h, t0)[0]
+
+
+def forces_at(effects: list[list[Effect]], x: Array, v: Array, h: float, t0: float) -> list[Array]:
+    """Per place (N, m): forces of its effects along its motion x, v (N, places); a kind with memory is one loop for all places."""
+    out, t = [np.empty((len(these), len(x))).T for these in effects], t0 + h * np.arange(len(x))
+    with_memory: dict[tuple, list[tuple[int, int]]] = {}
+    for p, these in enumerate(effects):
+        xp, vp = np.ascontiguousarray(x[:, p]), np.ascontiguousarray(v[:, p])
+        for k, effect in enumerate(these):
+            if effect.states:
+                with_memory.setdefault((type(effect), effect.numeric), []).append((p, k))
+            else:
+                given = [xp, vp, t, h, xp, 0.0, *effect.values.tolist()]
+                out[p][:, k] = over(law_tapes(effect)[2], given)[0]
     for which in with_memory.values():
-        out[:, which] = _remembered([effects[k] for k in which], x, v, h, t0)
+        places = np.array([p for p, _ in which])
+        found = _remembered([effects[p][k] for p, k in which], places, x, v, h, t0)
+        for (p, k), force in zip(which, found):
+            out[p][:, k] = force
     return out
 
 
-def _remembered(alike: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
-    """The same of effects of one kind whose force depends on what was."""
+def _remembered(alike: list[Effect], places: np.ndarray, x: Array, v: Array, h: float, t0: float) -> Array:
+    """(K, N) the same of effects of one kind whose force depends on what was, each at its place."""
     force, states = law_tapes(alike[0])[2], alike[0].states
     one = join([force])
     cells = np.repeat(one.cells[:, None], len(alike), axis=1)
     for k, effect in enumerate(alike):
-        own = np.concatenate([effect.at_rest(float(x[0])), effect.values])
+        own = np.concatenate([effect.at_rest(float(x[0, places[k]])), effect.values])
         cells[stepping.HEAD : stepping.HEAD + len(own), k] = own
     out = np.empty((len(x), len(alike)))
     x, v = np.ascontiguousarray(x), np.ascontiguousarray(v)
-    stepping.along(x, v, t0, h, one.operations, force.steady, one.results, cells, states, out)
-    return out
+    stepping.along(x, v, places, t0, h, one.operations, force.steady, one.results, cells, states, out)
+    return np.ascontiguousarray(out.T)
 
 
 def smoothed(problem: Problem, trace: Trace, run: Trajectory | Moved) -> tuple[Array, Array, Array]:

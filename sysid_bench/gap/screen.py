@@ -13,7 +13,7 @@ from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.locate import MOST, explained_by_place, places, promise_of
 from sysid_bench.gap.motion import seen
 from sysid_bench.gap.problem import Problem
-from sysid_bench.gap.suspects import at_place, couplings, on_the_input, on_the_sensors
+from sysid_bench.gap.suspects import at_places, couplings, on_the_input, on_the_sensors
 from sysid_bench.mechanics.effect import Effect
 
 MOST_PLACES = 8
@@ -41,7 +41,7 @@ def screen(
         half = MOST_PLACES // 2
         worth = sorted(promise, key=lambda place: -promise[place])[:half]
         worth += [place for place in likely[:half] if place not in worth]
-    shelves = [at_place(problem, fit.point, seens, b, catalogue, place) for place in worth]
+    shelves = [*at_places(problem, fit.point, seens, b, catalogue, worth)]
     if any(k.name == "missing_coupling" for k in catalogue):
         shelves.append(couplings(problem, seens, b))
     shelves.append(on_the_input(problem, fit.point, seens, b, catalogue))

@@ -17,7 +17,7 @@ from sysid_bench.gap.columns import (
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import forces_along
+from sysid_bench.gap.motion import forces_at
 from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem, frequency_range
 from sysid_bench.gap.search import Search, sizes
@@ -26,16 +26,29 @@ from sysid_bench.mechanics.effect import Suspect, direction
 from sysid_bench.nouns import Array
 
 
-def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) -> Shelf | None:
+def at_places(problem: Problem, point: Point, seens, b: Basis, catalogue, worth: list) -> list[Shelf]:
+    """The shelf of every place that moves."""
     n = problem.model.n
-    c = direction(place, n)
-    first = seens[0]
-    force, residual = unexplained_force(problem, first, b.lefts[0])
-    x_rms = float((first.q @ c).std())
-    if x_rms == 0:
-        return None
-    low, high = frequency_range(problem.model, seens[0].trace)
-    search = Search(problem, first, c, force, residual, low, high)
+    listed = [(place, _suspects(problem, point, seens[0], b, catalogue, place)) for place in worth]
+    listed = [(place, suspects) for place, suspects in listed if suspects]
+    columns = [[column for one, _ in suspects for column in one.columns] for _, suspects in listed]
+    C = np.array([direction(place, n) for place, _ in listed]).reshape(-1, n).T
+    forces = [forces_at(columns, s.q @ C, s.v @ C, s.trace.h, s.trace.t0) for s in seens]
+    return [
+        _shelf(problem, point, seens, b, catalogue, place, suspects, [each[k] for each in forces])
+        for k, (place, suspects) in enumerate(listed)
+    ]
+
+
+def _suspects(
+    problem: Problem, point: Point, first: SeenMotion, b: Basis, catalogue, place
+) -> list[tuple[Suspect, bool]]:
+    """What is suspected at a place, and whether no catalogue names it; nothing where the place does not move."""
+    c = direction(place, problem.model.n)
+    if float((first.q @ c).std()) == 0:
+        return []
+    low, high = frequency_range(problem.model, first.trace)
+    search = Search(problem, first, c, *unexplained_force(problem, first, b.lefts[0]), low, high)
     size = sizes(problem, first, c, None, search)
     taken = {(e.name, e.dof) for e in point.effects}
     suspects: list[tuple[Suspect, bool]] = []
@@ -43,23 +56,27 @@ def at_place(problem: Problem, point: Point, seens, b: Basis, catalogue, place) 
         if kind.path != "force" or (kind.name, place) in taken or _not_here(kind.name, place):
             continue
         suspects += [(one, kind in DECOYS) for one in kind(dof=place).suspects(size)]
-    columns, groups, decoy, at = [], [], [], 0
+    return suspects
+
+
+def _shelf(
+    problem: Problem, point: Point, seens, b: Basis, catalogue, place, suspects, forces: list[Array]
+) -> Shelf:
+    """forces: per trace (N, m), of the suspects' columns."""
+    c, groups, decoy, at = direction(place, problem.model.n), [], [], 0
     for one, is_decoy in suspects:
-        columns += list(one.columns)
         width = len(one.columns)
         groups.append((at, at + width, one.make, max(width, free_count(one.columns[0]))))
         decoy.append(is_decoy)
         at += width
-    forces = [forces_along(columns, s.q @ c, s.v @ c, s.trace.h, s.trace.t0) for s in seens]
     spectra = [s.trace.spectrum(f) for s, f in zip(seens, forces)]
-    extra_mode = any(k.name == "extra_mode" for k in catalogue) and ("extra_mode", place) not in taken
+    known = ("extra_mode", place) in {(e.name, e.dof) for e in point.effects}
+    extra_mode = any(k.name == "extra_mode" for k in catalogue) and not known
     if isinstance(place, int) and extra_mode:  # two at one DOF would follow any force of other DOFs
         more, makes = _hidden_modes(problem, seens, c, place, catalogue)
         spectra = [np.concatenate([one, two], axis=1) for one, two in zip(spectra, more)]
-        for make in makes:
-            groups.append((at, at + 1, make, 3))
-            decoy.append(False)
-            at += 1
+        groups += [(at + k, at + k + 1, make, 3) for k, make in enumerate(makes)]
+        decoy += [False] * len(makes)
     return shelved(b, place_rows(seens, c, spectra), groups, decoy)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -110,7 +110,7 @@ class Effect:
             value, (low, high) = getattr(self, key), knob.range
             if isinstance(value, str):
                 continue
-            if not (np.isfinite(value) and low <= value <= high):
+            if not (low <= value <= high and abs(value) < np.inf):
                 raise InputError(
                     f"{self.name}.{key} must lie in [{low:g}, {high:g}] {knob.unit}; got {value!r}."
                 )
@@ -120,7 +120,7 @@ class Effect:
         """(np,) numeric parameters in the order of `knobs`."""
         return np.array([float(getattr(self, key)) for key in self.numeric])
 
-    @property
+    @cached_property
     def numeric(self) -> tuple[str, ...]:
         """Names of the parameters that are numbers."""
         return tuple(key for key in self.knobs if not isinstance(getattr(self, key), str))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -51,9 +52,16 @@ def matrix_exponential(A: Array) -> Array:
 def exact_step(M: Array, D: Array, K: Array, h: float) -> Step:
     """Propagation over h with polynomial forces (Van Loan 1978: one exponential of the augmented matrix).
 
-    Not a number where the motion is too fast for the step to be told in double precision.
+    Not a number where the motion is too fast for the step to be told in double precision. The last few are kept: many
+    runs differ in their start or input alone.
     """
-    n = len(M)
+    M, D, K = (np.asarray(X, dtype=float) for X in (M, D, K))
+    return _exact_step(M.tobytes(), D.tobytes(), K.tobytes(), len(M), float(h))
+
+
+@lru_cache(maxsize=8)
+def _exact_step(mass: bytes, damping: bytes, stiffness: bytes, n: int, h: float) -> Step:
+    M, D, K = (np.frombuffer(X).reshape(n, n) for X in (mass, damping, stiffness))
     inverse = np.linalg.inv(M)
     big = np.zeros((5 * n, 5 * n))
     big[:n, n : 2 * n] = np.eye(n)

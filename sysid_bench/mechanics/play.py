@@ -43,12 +43,40 @@ def play_rows(operations, cells):
         elif code == MUL:
             for j in range(cells.shape[1]):
                 cells[to, j] = cells[a, j] * cells[b, j]
+        elif code == DIV:
+            for j in range(cells.shape[1]):
+                cells[to, j] = cells[a, j] / cells[b, j]
+        elif code == POW or code == CONSTPOW:
+            for j in range(cells.shape[1]):
+                cells[to, j] = _power(cells[a, j], cells[b, j])
+        elif code == FABS:
+            for j in range(cells.shape[1]):
+                cells[to, j] = abs(cells[a, j])
+        elif code == SIGN:
+            for j in range(cells.shape[1]):
+                cells[to, j] = (cells[a, j] > 0.0) - (cells[a, j] < 0.0)
+        elif code == FMIN:
+            for j in range(cells.shape[1]):
+                cells[to, j] = cells[a, j] if cells[a, j] < cells[b, j] else cells[b, j]
+        elif code == FMAX:
+            for j in range(cells.shape[1]):
+                cells[to, j] = cells[a, j] if cells[a, j] > cells[b, j] else cells[b, j]
         elif code < NEG:
             for j in range(cells.shape[1]):
                 cells[to, j] = _of_two(code, cells[a, j], cells[b, j])
         else:
             for j in range(cells.shape[1]):
                 cells[to, j] = _of_one(code, cells[a, j])
+
+
+@nb.njit(**UNCOUNTED, forceinline=True)
+def _power(a, b):
+    """a**b, by products where b is 1 or 2, as the exponents of most laws are."""
+    if b == 1.0:
+        return a
+    if b == 2.0:
+        return a * a
+    return a**b
 
 
 @nb.njit(**UNCOUNTED, forceinline=True)
@@ -61,10 +89,8 @@ def _of_two(code, a, b):
         return a * b
     if code == DIV:
         return a / b
-    if code == POW:
-        return a**b
-    if code == CONSTPOW:
-        return a**b
+    if code == POW or code == CONSTPOW:
+        return _power(a, b)
     if code == LT:
         return 1.0 if a < b else 0.0
     if code == LE:

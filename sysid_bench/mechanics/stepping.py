@@ -239,8 +239,8 @@ def _steps(
 
 
 @nb.njit(**UNCOUNTED)
-def along(x, v, t0, h, operations, steady, results, cells, states, out):
-    """Forces (N, K) of K effects of one kind with states along a given motion x, v (N,) of their place.
+def along(x, v, at, t0, h, operations, steady, results, cells, states, out):
+    """Forces (N, K) of K effects of one kind with states along given motions x, v (N, places), of place at[j] each.
 
     cells (nc, K) of the tape that gives [f, z...]: states and parameters in their places; steady: see tape.Tape.
     """
@@ -249,7 +249,8 @@ def along(x, v, t0, h, operations, steady, results, cells, states, out):
     moving = operations[steady:]
     for k in range(len(x)):
         for j in range(cells.shape[1]):
-            cells[0, j], cells[1, j], cells[2, j], cells[4, j] = x[k], v[k], t0 + k * h, x[max(k - 1, 0)]
+            cells[0, j], cells[1, j], cells[2, j] = x[k, at[j]], v[k, at[j]], t0 + k * h
+            cells[4, j] = x[max(k - 1, 0), at[j]]
         play_rows(moving, cells)
         for j in range(cells.shape[1]):
             out[k, j] = cells[results[0], j]
