@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.contend import Contender, settled, shape_count
 from sysid_bench.gap.descent import Fit, fit, free_parameters
@@ -52,7 +54,7 @@ def pruned(problem: Problem, now: Fit, needless: Callable[[Fit, Fit], bool]) -> 
     for effect in reversed(now.point.effects[base:]):
         if len(now.point.effects) < base + 2:
             break
-        without = _without(problem, now, effect)
+        without = _without(problem, now, effect, NEAR * now.rss)
         if without is not None and not needless(without, now) and without.rss < NEAR * now.rss:
             without = settled(problem, without, now)
         if without is not None and needless(without, now):
@@ -65,6 +67,6 @@ def is_it(candidate: Candidate, effect: Effect) -> bool:
     return candidate.effect.name == effect.name and candidate.place == effect.dof
 
 
-def _without(problem: Problem, now: Fit, effect: Effect) -> Fit | None:
+def _without(problem: Problem, now: Fit, effect: Effect, enough: float = np.inf) -> Fit | None:
     rest = tuple(x for x in now.point.effects if x is not effect)
-    return fit(problem, replace(now.point, effects=rest), free_parameters(rest), iterations=6)
+    return fit(problem, replace(now.point, effects=rest), free_parameters(rest), 6, enough=enough)

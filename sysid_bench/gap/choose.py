@@ -28,7 +28,7 @@ from sysid_bench.gap.contend import (
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
-from sysid_bench.gap.look import UNCLEAN, first_look, look, noticeable
+from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.problem import Problem
@@ -148,9 +148,11 @@ def _others(problem: Problem, catalogue, without: Fit, now: Fit, effect: Effect)
     """What may stand in the place of an effect. What closes the gap is renamed only by a name whose own descent finds as much."""
     yield from _simpler(problem, now, effect)
     screened = screen(problem, without, catalogue)
-    arena = Arena(problem, without, leads(problem, screened.seens), closed=now.rho < 1.1)
-    for candidate in shortlist(polished_screen(problem, screened), 4):
-        if not is_it(candidate, effect):
+    closed = now.rho < 1.1
+    arena = Arena(problem, without, leads(problem, screened.seens), closed=closed, least=now.rss)
+    tried = shortlist(polished_screen(problem, screened), 4)
+    for candidate in tried:
+        if not is_it(candidate, effect) and not (closed and far(screened, candidate, tried[0])):
             other = refine(arena, candidate, screened.promise(candidate.explained), iterations=8)
             if other is not None:
                 yield other

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,6 +23,8 @@ HYSTERESIS = 8.0  # price by which a hysteresis that closes the gap must beat on
 CLOSED = 1.15  # rho from which a fit may have missed its valley
 PLAINLY = 60.0  # of the price: a shape that closes the gap is not overruled by a name that is so far behind
 SHUT = 1.02  # rho below which a fit leaves nothing
+ALIKE = 0.1  # share of a value by which starts differ that are one
+BEHIND = 1.5, 0.1  # times the lowest rho of a name, and beyond: what leaves more is no rival
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +58,10 @@ def price(problem: Problem, one: Fit) -> float:
 
 
 def best_start(problem: Problem, choices: list[Point]) -> tuple[float, Point] | None:
-    """The point whose run lies nearest to the data, and its rho."""
-    best = None
+    """The point whose run, of one step per sample, lies nearest to the data, and its rho."""
+    best, quick = None, replace(problem, quick=True)
     for point in choices:
-        found = evaluate(problem, point)
+        found = evaluate(quick, point)
         if found is not None:
             rho = float(found[0] @ found[0]) / len(found[0])
             if best is None or rho < best[0]:
@@ -76,24 +78,34 @@ def at_rest(base: Fit) -> tuple:
 class Arena:
     """Where suspects are fitted: the problem, the fit before, the same problem held near the motion (leads).
 
-    nearest: the lowest rho so far of a fit that was held; closed: a name closes the gap already
+    nearest: the lowest rho so far of fits that were held, per lead; closed: a name closes the gap already
+    least: the lowest rss so far of a name; known: contenders of an earlier look from the same fit
     leads_left: suspects that may still be led; fewer once a shape without a name closes the gap
     """
 
     problem: Problem
     base: Fit
     held: tuple[Problem, ...] = ()
-    nearest: float = np.inf
+    nearest: list[float] = field(default_factory=lambda: [np.inf, np.inf])
     closed: bool = False
+    least: float = np.inf
     leads_left: int = 5
+    known: list[Contender] = field(default_factory=list)
 
     def contender(self, found: Fit, candidate: Candidate) -> Contender:
         """A fit and its price."""
+        if candidate.effect.name not in DECOY_NAMES:
+            self.least = min(self.least, found.rss)
         if found.rho < 1.1 and candidate.effect.name in DECOY_NAMES:
             self.leads_left = min(self.leads_left, 2)
         elif found.rho < 1.1:
             self.closed = True
         return Contender(found, candidate, price(self.problem, found))
+
+    @property
+    def enough(self) -> float:
+        """Energy above which a fit is no rival of what was found."""
+        return BEHIND[0] * self.least + BEHIND[1] * len(self.base.rows)
 
 
 def refine(
@@ -105,6 +117,9 @@ def refine(
     """
     if arena.problem.budget.spent:
         return None
+    for one in arena.known:
+        if alike(one.candidate.effect, candidate.effect):
+            return arena.contender(one.fit, one.candidate)
     base = arena.base
     before = (*base.point.effects, *extra)
     choices = [
@@ -122,6 +137,15 @@ def refine(
     return arena.contender(found, candidate) if found is not None else None
 
 
+def alike(one: Effect, other: Effect) -> bool:
+    """True for the same name and place with nearly the same values: descents from there end in the same valley."""
+    if (one.name, one.dof) != (other.name, other.dof) or one.numeric != other.numeric:
+        return False
+    shapes = [key not in ("speed", "damping") for key in one.numeric]
+    a, b = one.values[shapes], other.values[shapes]
+    return bool(np.all(np.abs(a - b) <= ALIKE * np.maximum(np.abs(a), np.abs(b))))
+
+
 def _descended(arena: Arena, choices: list[Point], promised: float, iterations: int) -> Fit | None:
     """The fit from the best of some starts: straight, and by way of the held problems where that leaves something."""
     free, found = free_parameters(choices[0].effects), None
@@ -129,7 +153,7 @@ def _descended(arena: Arena, choices: list[Point], promised: float, iterations: 
     rough = bool(may) and _has_corners(choices[0].effects)
     start = best_start(arena.problem, choices)
     if start is not None and (not rough or start[0] < 3 * promised + 1):
-        found = fit(arena.problem, start[1], free, iterations)
+        found = fit(arena.problem, start[1], free, iterations, enough=arena.enough)
     if rough and (found is None or found.rho > CLOSED):
         arena.leads_left -= 1
         led = _led(arena, choices, free, iterations)
@@ -153,12 +177,11 @@ def _led(arena: Arena, choices: list[Point], free, iterations: int) -> Fit | Non
         found = fit(problem, point, free, 8 - 3 * k)
         if found is None:
             return None
-        if k == 0:
-            arena.nearest = min(arena.nearest, found.rho)
-            if found.rho > 3 * arena.nearest + 0.5:
-                return None
+        arena.nearest[k] = min(arena.nearest[k], found.rho)
+        if found.rho > 3 * arena.nearest[k] + 0.5:
+            return None
         point = found.point
-    return fit(arena.problem, point, free, iterations)
+    return fit(arena.problem, point, free, iterations, enough=arena.enough)
 
 
 def settled(problem: Problem, one: Fit, along: Fit, iterations: int = 12) -> Fit:

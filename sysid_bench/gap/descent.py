@@ -14,6 +14,7 @@ from sysid_bench.nouns import Array
 TRIES = 6  # damped steps from one place
 FUTILE = 0.3  # of the least gain that goes on: a foretold gain below it is not tried
 WELL_TOLD = 0.75  # of the foretold gain: the slopes then serve one more step
+TOLD = 3  # steps that a descent may take before it is given up as too far behind
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,11 +95,13 @@ def fit(
     iterations: int = 12,
     tolerance: float = 3e-4,
     prior_scale: float = 1.0,
+    enough: float = np.inf,
 ) -> Fit | None:
     """Levenberg-Marquardt on the whitened residual, theta held to the nominal by a prior.
 
     The prior's weight is the residual over the noise floor: trust the nominal first, the data in the end.
-    parameters: (effect, parameter) pairs that are free. None where the start cannot be simulated.
+    parameters: (effect, parameter) pairs that are free; enough: energy above which it is of no use: given up where as many
+    gains like the last as there are steps left do not reach it. None where the start cannot be simulated.
     """
     found = evaluate(problem, start)
     if found is None:
@@ -128,6 +131,8 @@ def fit(
         J = J if not again and gain > WELL_TOLD * told else None
         here, damping = better, max(damping / 10, 1e-8)
         if gain < least and not again:
+            break
+        if steps >= TOLD and float(here.rows @ here.rows) - enough > (iterations - steps) * gain:
             break
     moved = float(np.sum((here.point.theta / problem.prior) ** 2))
     covariance = _covariance(H, here.weight)

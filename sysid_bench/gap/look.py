@@ -34,16 +34,27 @@ def noticeable(R: int) -> float:
 
 
 def look(
-    problem: Problem, base: Fit, catalogue, rules: Rules, linear_gap: float, screened: Screen | None = None
+    problem: Problem,
+    base: Fit,
+    catalogue,
+    rules: Rules,
+    linear_gap: float,
+    screened: Screen | None = None,
+    known: list[Contender] | None = None,
 ) -> Round:
-    """One screen and its finalists. screened: what they are taken from, where that is known."""
+    """One screen and its finalists. screened: what they are taken from; known: contenders of an earlier look from base."""
     screened = screened or view(problem, _ground(problem, base), catalogue)
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < noticeable(R):
         return Round(screened, [], base, None)
     small = problem.model.n < 6
     arena = Arena(
-        problem, base, leads(problem, screened.seens), closed=base.rho < 1.1, leads_left=5 if small else 3
+        problem,
+        base,
+        leads(problem, screened.seens),
+        closed=base.rho < 1.1,
+        leads_left=5 if small else 3,
+        known=known or [],
     )
     contenders = by_batches(problem, base, screened, rules, partial(_fitted, arena, screened))
     contenders += _frictions(arena, screened, contenders)
@@ -125,15 +136,19 @@ def _fitted(
     found: list[Contender] = []
     for candidate in tried:
         clean = any(c.fit.rho < 1.1 and not c.is_decoy for c in (*before, *found))
-        # a delay and a lag are told apart by their fits alone
-        far = screened.left - candidate.explained > FAR * (screened.left - tried[0].explained)
-        behind = far and candidate.effect.path != "actuator"
-        if clean and (behind or candidate.explained < 0.9 * tried[0].explained):
+        if clean and (far(screened, candidate, tried[0]) or candidate.explained < 0.9 * tried[0].explained):
             continue  # something closes the gap already, and this one is far behind
         one = refine(arena, candidate, screened.promise(candidate.explained))
         if one is not None:
             found.append(one)
     return found
+
+
+def far(screened: Screen, candidate: Candidate, best: Candidate) -> bool:
+    """True for what is not fitted once something closes the gap: the screen leaves far more of it than of the best."""
+    # a delay and a lag are told apart by their fits alone
+    left = screened.left
+    return candidate.effect.path != "actuator" and left - candidate.explained > FAR * (left - best.explained)
 
 
 def as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> bool:
@@ -156,8 +171,11 @@ def first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_ga
         return look(problem, linear, catalogue, rules, linear_gap)
     views = _views(problem, linear, catalogue)
     best = look(problem, linear, catalogue, rules, linear_gap, next(views))
+    known = [*best.contenders]
     while not _shut(best, linear) and (screened := next(views, None)) is not None:
-        best = _cheaper(best, look(problem, linear, catalogue, rules, linear_gap, screened))
+        other = look(problem, linear, catalogue, rules, linear_gap, screened, known)
+        known += other.contenders
+        best = _cheaper(best, other)
     return best
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -66,36 +67,42 @@ def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float)
 
 def forces_at(effects: list[list[Effect]], x: Array, v: Array, h: float, t0: float) -> list[Array]:
     """Per place (N, m): forces of its effects along its motion x, v (N, places); a kind with memory is one loop for all places."""
-    out, t = [np.empty((len(these), len(x))).T for these in effects], t0 + h * np.arange(len(x))
-    with_memory: dict[tuple, list[tuple[int, int]]] = {}
-    for p, these in enumerate(effects):
-        xp, vp = np.ascontiguousarray(x[:, p]), np.ascontiguousarray(v[:, p])
-        for k, effect in enumerate(these):
-            if effect.states:
-                with_memory.setdefault((type(effect), effect.numeric), []).append((p, k))
-            else:
-                given = [xp, vp, t, h, xp, 0.0, *effect.values.tolist()]
-                out[p][:, k] = over(law_tapes(effect)[2], given)[0]
-    for which in with_memory.values():
-        places = np.array([p for p, _ in which])
-        found = _remembered([effects[p][k] for p, k in which], places, x, v, h, t0)
-        for (p, k), force in zip(which, found):
-            out[p][:, k] = force
-    return out
+    flat = [(p, effect) for p, these in enumerate(effects) for effect in these]
+    out, t = np.empty((len(flat), len(x))), t0 + h * np.arange(len(x))
+    x, v = np.ascontiguousarray(x.T), np.ascontiguousarray(v.T)
+    with_memory: dict[tuple, list[int]] = {}
+    for row, (p, effect) in enumerate(flat):
+        if effect.states:
+            with_memory.setdefault((type(effect), effect.numeric), []).append(row)
+        else:
+            given = [x[p], v[p], t, h, x[p], 0.0, *effect.values.tolist()]
+            out[row] = over(law_tapes(effect)[2], given)[0]
+    for rows in with_memory.values():
+        places = np.array([flat[row][0] for row in rows])
+        _remembered([flat[row][1] for row in rows], places, x, v, h, t0, np.array(rows), out)
+    ends = np.cumsum([0, *(len(these) for these in effects)])
+    return [out[first:last].T for first, last in pairwise(ends)]
 
 
-def _remembered(alike: list[Effect], places: np.ndarray, x: Array, v: Array, h: float, t0: float) -> Array:
-    """(K, N) the same of effects of one kind whose force depends on what was, each at its place."""
+def _remembered(
+    alike: list[Effect],
+    places: np.ndarray,
+    x: Array,
+    v: Array,
+    h: float,
+    t0: float,
+    rows: np.ndarray,
+    out: Array,
+) -> None:
+    """Fill out[rows] with the forces of effects of one kind with states, each at its place; x, v (places, N)."""
     force, states = law_tapes(alike[0])[2], alike[0].states
     one = join([force])
     cells = np.repeat(one.cells[:, None], len(alike), axis=1)
     for k, effect in enumerate(alike):
-        own = np.concatenate([effect.at_rest(float(x[0, places[k]])), effect.values])
+        own = np.concatenate([effect.at_rest(float(x[places[k], 0])), effect.values])
         cells[stepping.HEAD : stepping.HEAD + len(own), k] = own
-    out = np.empty((len(x), len(alike)))
-    x, v = np.ascontiguousarray(x), np.ascontiguousarray(v)
-    stepping.along(x, v, places, t0, h, one.operations, force.steady, one.results, cells, states, out)
-    return np.ascontiguousarray(out.T)
+    tape = (one.operations, force.steady, one.results, cells, states)
+    stepping.along(x, v, places, t0, h, *tape, rows, out)
 
 
 def smoothed(problem: Problem, trace: Trace, run: Trajectory | Moved) -> tuple[Array, Array, Array]:

@@ -68,7 +68,7 @@ class Problem:
     """The nominal model, which of its entries may move, and the traces to fit.
 
     entries (matrix 0|1|2, row, column); scale (ntheta,) size of each entry in SI; fineness: times the usual number of
-    steps between samples
+    steps between samples; quick: one alone, to compare what lies far apart
     """
 
     model: Model
@@ -76,6 +76,7 @@ class Problem:
     entries: tuple[tuple[int, int, int], ...]
     scale: Array
     fineness: int = field(default=1, kw_only=True)
+    quick: bool = field(default=False, kw_only=True)
     budget: Budget = field(default_factory=Budget, kw_only=True)
 
     @property

@@ -8,7 +8,7 @@ effects already accepted; its score is the energy it explains beyond them, minus
 from __future__ import annotations
 
 from sysid_bench.gap.basis import basis
-from sysid_bench.gap.candidates import Screen, judged
+from sysid_bench.gap.candidates import Screen, Shelf, judged
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.locate import MOST, explained_by_place, places, promise_of
 from sysid_bench.gap.motion import seen
@@ -41,13 +41,13 @@ def screen(
         half = MOST_PLACES // 2
         worth = sorted(promise, key=lambda place: -promise[place])[:half]
         worth += [place for place in likely[:half] if place not in worth]
-    shelves = [*at_places(problem, fit.point, seens, b, catalogue, worth)]
+    shelves: list[Shelf | None] = [*at_places(problem, fit.point, seens, b, catalogue, worth)]
     if any(k.name == "missing_coupling" for k in catalogue):
         shelves.append(couplings(problem, seens, b))
     shelves.append(on_the_input(problem, fit.point, seens, b, catalogue))
     shelves.append(on_the_sensors(problem, seens, b, catalogue))
-    shelves = [x for x in shelves if x is not None]
-    found = [x for one in shelves for x in judged(problem, b, one)]
+    filled = [x for x in shelves if x is not None]
+    found = [x for one in filled for x in judged(problem, b, one)]
     found = [x for x in found if (x.effect.name, x.place) not in absent]
     found.sort(key=lambda x: -x.score)
-    return Screen(found, float(b.r @ b.r), by_place, len(b.r), b.lefts, b, seens, fit.point, shelves)
+    return Screen(found, float(b.r @ b.r), by_place, len(b.r), b.lefts, b, seens, fit.point, filled)

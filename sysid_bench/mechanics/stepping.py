@@ -239,20 +239,20 @@ def _steps(
 
 
 @nb.njit(**UNCOUNTED)
-def along(x, v, at, t0, h, operations, steady, results, cells, states, out):
-    """Forces (N, K) of K effects of one kind with states along given motions x, v (N, places), of place at[j] each.
+def along(x, v, at, t0, h, operations, steady, results, cells, states, rows, out):
+    """Forces out[rows[j]] (N,) of K effects of one kind with states along motions x, v (places, N), of place at[j] each.
 
     cells (nc, K) of the tape that gives [f, z...]: states and parameters in their places; steady: see tape.Tape.
     """
     cells[3] = h
     play_rows(operations[:steady], cells)
     moving = operations[steady:]
-    for k in range(len(x)):
+    for k in range(x.shape[1]):
         for j in range(cells.shape[1]):
-            cells[0, j], cells[1, j], cells[2, j] = x[k, at[j]], v[k, at[j]], t0 + k * h
-            cells[4, j] = x[max(k - 1, 0), at[j]]
+            cells[0, j], cells[1, j], cells[2, j] = x[at[j], k], v[at[j], k], t0 + k * h
+            cells[4, j] = x[at[j], max(k - 1, 0)]
         play_rows(moving, cells)
         for j in range(cells.shape[1]):
-            out[k, j] = cells[results[0], j]
+            out[rows[j], k] = cells[results[0], j]
             for i in range(states):
                 cells[HEAD + i, j] = cells[results[1 + i], j]
