@@ -10,9 +10,10 @@ from scipy.signal import cont2discrete, dlsim
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.again import pruned
+from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import Arena, at_rest, refine
+from sysid_bench.gap.contend import GAP_GAINS, Arena, Contender, at_rest, cheapest, kindred, refine
 from sysid_bench.gap.descent import fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
@@ -120,6 +121,24 @@ def test_a_drive_that_passes_nothing_takes_no_pairs_place(draw):
     assert not drives(problem, (effect_class("saturation")(0, limit=0.1),))
     best = pairs(problem, screened, 1)[0]
     assert {e.name for e in best.effects} == {x["name"] for x in truth}
+
+
+def test_a_coupling_is_tried_in_place_of_a_stop_and_kept_where_the_gap_gains_no_more_than_chance(draw):
+    problem, linear, _, truth = problem_and_screen(
+        draw, 30, size="three", kind="single", name="missing_coupling"
+    )
+    place = tuple(truth[0]["dof"])
+    stop = effect_class("end_stop")(place, stiffness=0.8, gap=1e-3, damping=0.05)
+    start = Point(linear.point.theta, (*linear.point.effects, stop), linear.point.starts)
+    touching = fit(problem, start, free_parameters(start.effects), 8)
+    as_it_is = Candidate(touching.point.effects[-1], 0.0, 0.0, np.zeros(0), touching.point.theta, False)
+    rich = Contender(touching, as_it_is, 0.0)
+    (plain,) = kindred(Arena(problem, linear), rich, set())
+    assert (plain.effect.name, plain.effect.dof) == ("missing_coupling", place)
+    assert plain.fit.rho == pytest.approx(rich.fit.rho, rel=0.05)
+    chance = 2 * GAP_GAINS * rich.fit.rho
+    kept = [cheapest([rich, replace(plain, cost=share * chance)], 1.0, 0.03) for share in (0.9, 1.1)]
+    assert [x.effect.name for x in kept] == ["missing_coupling", "end_stop"]
 
 
 def test_a_budget_keeps_a_share_for_later():

@@ -26,7 +26,7 @@ from sysid_bench.gap.contend import (
     subset,
 )
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
+from sysid_bench.gap.finalists import polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
@@ -163,9 +163,9 @@ def _needless(without: Fit, now: Fit) -> bool:
 
 
 def _simpler(problem: Problem, now: Fit, effect: Effect) -> Iterator[Contender]:
-    """Simpler frictions in the place of a friction: it was named while the later effects were not known."""
+    """Simpler laws in the place of a friction or a stop: it was named while the later effects were not known."""
     rest = tuple(x for x in now.point.effects if x is not effect)
-    for starts in relatives(problem, now, effect).values() if effect.name in FRICTION else ():
+    for starts in relatives(problem, now, effect).values():
         choices = [replace(now.point, effects=(*rest, one)) for one in starts if subset(one, effect)]
         start = best_start(problem, choices)
         found = fit(problem, start[1], free_parameters(start[1].effects), 12) if start is not None else None

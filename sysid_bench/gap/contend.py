@@ -9,7 +9,7 @@ import numpy as np
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.decoys import DECOYS
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.finalists import FRICTION, relatives
+from sysid_bench.gap.finalists import relatives
 from sysid_bench.gap.free_run import SMOOTH
 from sysid_bench.gap.motion import seen
 from sysid_bench.gap.nudge import leads
@@ -19,6 +19,9 @@ from sysid_bench.mechanics.effect import Effect
 DECOY_NAMES = frozenset(kind.name for kind in DECOYS)
 # A richer law must gain this share of the linear gap over its own special case, and this share of what it leaves.
 RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
+# Energy that the gap of a stop must gain over a coupling: of noise, and as often that of what a later effect explains
+# (the dispersion of a quasi-likelihood; McCullagh, Nelder 1989).
+GAP_GAINS = 15.0
 HYSTERESIS = 8.0  # price by which a hysteresis that closes the gap must beat one of its simpler laws
 CLOSED = 1.15  # rho from which a fit may have missed its valley
 PLAINLY = 60.0  # of the price: a shape that closes the gap is not overruled by a name that is so far behind
@@ -197,12 +200,12 @@ def settled(problem: Problem, one: Fit, along: Fit, iterations: int = 12) -> Fit
 
 
 def kindred(arena: Arena, one: Contender, known: set, iterations: int = 10) -> list[Contender]:
-    """Other frictions in place of a friction that was fitted, each from the best of a few starts.
+    """Other frictions in place of a friction that was fitted, a coupling in place of a stop; each from the best of a few starts.
 
     Where the gap is closed, only the simpler and the richer law of the same sliding friction can still matter.
     """
     effect = one.effect
-    if effect.name not in FRICTION or arena.problem.budget.spent:
+    if arena.problem.budget.spent:
         return []
     out, point = [], one.fit.point
     for name, starts in relatives(arena.problem, one.fit, effect).items():
@@ -232,6 +235,8 @@ def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -
         near = 20.0 if plainer else min(max(20.0, margin / 3), PLAINLY if best.fit.rho < CLOSED else np.inf)
         named = best.is_decoy and not other.is_decoy and behind < near
         enough = HYSTERESIS if best.fit.rho < CLOSED and smooth(other.effect) else nested
+        if other.effect.name == "missing_coupling":
+            enough = 2 * max(GAP_GAINS * best.fit.rho, RICHER_GAINS * linear_gap)
         if named or (behind < enough and not other.is_decoy and subset(other.effect, best.effect)):
             return other
     return best
@@ -248,6 +253,6 @@ def subset(simple: Effect, rich: Effect) -> bool:
         ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
         ("coulomb_friction", "bouc_wen_hysteresis"), ("presliding_friction", "bouc_wen_hysteresis"),
         ("sensor_bias", "sensor_drift"), ("coulomb_friction", "friction_behind_play"),
-        ("presliding_friction", "friction_behind_play"),
+        ("presliding_friction", "friction_behind_play"), ("missing_coupling", "end_stop"),
     }  # fmt: skip
     return simple.dof == rich.dof and (simple.name, rich.name) in pairs

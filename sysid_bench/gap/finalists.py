@@ -1,4 +1,4 @@
-"""screen -> the suspects worth a simulation, their shapes polished; and relatives of a friction already fitted."""
+"""screen -> the suspects worth a simulation, their shapes polished; and relatives of an effect already fitted."""
 
 from __future__ import annotations
 
@@ -94,7 +94,22 @@ def _beside_coulomb(screened: Screen, chosen: list[Candidate]) -> list[Candidate
 
 
 def relatives(problem: Problem, fit: Fit, effect: Effect) -> dict[str, list[Effect]]:
-    """Other frictions of the same level at the same place, by name: where to start fitting them from.
+    """Laws near to the effect's at the same place, by name: where to start fitting them from. Most effects have none."""
+    if effect.name in FRICTION:
+        return _frictions_like(problem, fit, effect)
+    return _coupling_like(problem, effect) if effect.name == "end_stop" else {}
+
+
+def _coupling_like(problem: Problem, effect: Effect) -> dict[str, list[Effect]]:
+    """The coupling that an end stop without gap is, where the model has none. It has a parameter less."""
+    if not isinstance(effect.dof, tuple) or problem.model.stiffness[effect.dof] != 0:
+        return {}
+    kind: Any = effect_class("missing_coupling")
+    return {kind.name: [kind(effect.dof, effect.value("stiffness"), effect.value("damping"))]}
+
+
+def _frictions_like(problem: Problem, fit: Fit, effect: Effect) -> dict[str, list[Effect]]:
+    """Other frictions of the same level.
 
     A screen sees them badly: they differ where the motion is slow, and there its speed is mostly noise.
     """

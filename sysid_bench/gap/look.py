@@ -85,7 +85,7 @@ def by_batches(
 
 
 def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
-    """Contenders, cheapest first, with the other frictions where a friction leads."""
+    """Contenders, cheapest first, with the laws near to that which leads."""
     contenders = sorted(contenders, key=lambda c: c.cost)
     named = next((c for c in contenders if not c.is_decoy), None)
     if named is None:

@@ -18,6 +18,7 @@ HELD = frozenset(
     {
         ("coulomb_friction", "stribeck_friction"), ("coulomb_friction", "presliding_friction"),
         ("coulomb_friction", "bouc_wen_hysteresis"), ("sensor_bias", "sensor_drift"),
+        ("missing_coupling", "end_stop"),
     }
 )  # fmt: skip
 ELSEWHERE = -0.02  # on the force, what takes so much more of the gap explains another part of it: no rival
