@@ -102,7 +102,8 @@ def relatives(problem: Problem, fit: Fit, effect: Effect) -> dict[str, list[Effe
 
 def _coupling_like(problem: Problem, effect: Effect) -> dict[str, list[Effect]]:
     """The coupling that an end stop without gap is, where the model has none. It has a parameter less."""
-    if not isinstance(effect.dof, tuple) or problem.model.stiffness[effect.dof] != 0:
+    _, _, K = problem.model.matrices
+    if not isinstance(effect.dof, tuple) or K[effect.dof] != 0:
         return {}
     kind: Any = effect_class("missing_coupling")
     return {kind.name: [kind(effect.dof, effect.value("stiffness"), effect.value("damping"))]}
