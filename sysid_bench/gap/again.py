@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import Contender, settled, shape_count
+from sysid_bench.gap.contend import RICHER_GAINS, Contender, settled, shape_count, subset
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.problem import Budget, Problem
 from sysid_bench.mechanics.effect import Effect
@@ -38,10 +38,17 @@ def reconsidered(
         best = cost(now)
         for other in others(without, now, effect):
             margin = max(20, share * (now.rss - len(now.rows)))
+            if _only_rounded(other.effect, effect):
+                margin = max(margin, 2 * RICHER_GAINS * (without.rss - now.rss))
             simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
             if other.cost < best + (margin if simpler and not other.is_decoy else -margin):
                 now, best = other.fit, other.cost
     return now
+
+
+def _only_rounded(simple: Effect, rich: Effect) -> bool:
+    """True for two laws of one sliding friction that round its sign, of which the richer may only round it otherwise."""
+    return subset(simple, rich) and all("speed" in e.numeric for e in (simple, rich))
 
 
 def pruned(problem: Problem, now: Fit, needless: Callable[[Fit, Fit], bool]) -> Fit:
