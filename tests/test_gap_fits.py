@@ -9,11 +9,20 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from sysid_bench.effects import effect_class, names
-from sysid_bench.gap.again import pruned
+from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import GAP_GAINS, Arena, Contender, at_rest, cheapest, kindred, refine
+from sysid_bench.gap.contend import (
+    GAP_GAINS,
+    RICHER_GAINS,
+    Arena,
+    Contender,
+    at_rest,
+    cheapest,
+    kindred,
+    refine,
+)
 from sysid_bench.gap.descent import fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
@@ -157,6 +166,29 @@ def test_a_name_too_many_is_dropped_whatever_the_budget(draw):
     spent = replace(problem, budget=Budget(0.0))
     left = pruned(spent, now, lambda without, now: without.rss - now.rss < 25)
     assert [e.name for e in left.point.effects] == ["cubic_stiffness"]
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.9, "coulomb_friction"), (1.1, "stribeck_friction")])
+def test_what_another_rounding_of_a_sign_gains_is_no_stribeck_friction(draw, share, kept):
+    problem, _, _, truth = problem_and_screen(
+        draw, 12, size="one", kind="single", name="coulomb_friction", strength=(0.6, 0.9)
+    )
+    plain, later = (
+        effect_class("coulomb_friction")(0, **truth[0]["values"]),
+        effect_class("constant_force")(0, 1e-9),
+    )
+    rich = effect_class("stribeck_friction")(0, plain.force, 1.01 * plain.force, 0.1, plain.speed)
+    stuck, slid = (fit(problem, replace(problem.nominal(), effects=(x, later))) for x in (rich, plain))
+
+    def others(without, now, effect):
+        explained = without.rss - now.rss
+        assert explained > 1e4
+        behind = share * 2 * RICHER_GAINS * explained
+        sliding = replace(slid, point=replace(slid.point, effects=(later, plain)))
+        yield Contender(sliding, Candidate(plain, 0.0, 0.0, np.zeros(0), slid.point.theta, False), behind)
+
+    told = reconsidered(problem, stuck, lambda one: 0.0, 0.0, others)
+    assert kept in [e.name for e in told.point.effects]
 
 
 def test_a_dead_band_on_two_levels_is_no_gain_where_the_levels_differ_between_records():
