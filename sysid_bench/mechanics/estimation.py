@@ -207,8 +207,8 @@ def fit_hold(problem: Problem, hold: str, other: Fit) -> Fit:
     return _searched(problem, runs, other.maximum.theta)
 
 
-def _searched(problem: Problem, runs: list[Run], theta: Array) -> Fit:
-    return Fit(problem, runs, _maximise(problem, runs, evaluate(theta, runs)))
+def _searched(problem: Problem, runs: list[Run], theta: Array, limit: int = LIMIT) -> Fit:
+    return Fit(problem, runs, _maximise(problem, runs, evaluate(theta, runs), limit))
 
 
 def _data(record: Record, hold: str) -> Spectra:
@@ -230,12 +230,12 @@ def _driven(data: Spectra, F: int) -> Spectra:
 
 def _settled(problem: Problem, shown: list[Run], runs: list[Run], point: Point, limit: int) -> Fit:
     """The maximum near a start, on a band widened to hold its modes, up to twice what the record shows."""
-    for _ in range(3):
-        fit = Fit(problem, runs, _maximise(problem, runs, point, limit))
-        wider = _widened(runs, shown, fit.maximum)
-        if not is_sound(fit) or all(b.F < SHORT * a.F for a, b in zip(runs, wider)):
+    fit = Fit(problem, runs, _maximise(problem, runs, point, limit))
+    for _ in range(2):
+        wider = _widened(fit.runs, shown, fit.maximum)
+        if not is_sound(fit) or all(b.F < SHORT * a.F for a, b in zip(fit.runs, wider)):
             break
-        runs, point = wider, evaluate(fit.maximum.theta, wider)
+        fit = _searched(problem, wider, fit.maximum.theta, limit)
     return fit
 
 
