@@ -13,22 +13,14 @@ from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import (
-    GAP_GAINS,
-    RICHER_GAINS,
-    Arena,
-    Contender,
-    at_rest,
-    cheapest,
-    kindred,
-    refine,
-)
+from sysid_bench.gap.contend import Arena, at_rest, kindred, refine
 from sysid_bench.gap.descent import fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
+from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
 from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen

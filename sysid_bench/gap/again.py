@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import RICHER_GAINS, Contender, settled, shape_count, subset
+from sysid_bench.gap.contend import settled
 from sysid_bench.gap.descent import Fit, fit, free_parameters
+from sysid_bench.gap.price import RICHER_GAINS, Contender, shape_count, subset
 from sysid_bench.gap.problem import Budget, Problem
 from sysid_bench.mechanics.effect import Effect
 

@@ -15,22 +15,14 @@ import numpy as np
 
 from sysid_bench.gap.again import is_it, pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import (
-    Arena,
-    Contender,
-    best_start,
-    cheapest,
-    kindred,
-    price,
-    refine,
-    subset,
-)
+from sysid_bench.gap.contend import Arena, best_start, kindred, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
+from sysid_bench.gap.price import Contender, cheapest, price, subset
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.screen import screen

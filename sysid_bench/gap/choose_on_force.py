@@ -14,13 +14,14 @@ import numpy as np
 
 from sysid_bench.gap.again import is_it, pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import DECOY_NAMES, Contender, best_start, shape_count, subset
+from sysid_bench.gap.contend import best_start
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import shortlist
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.held_out import block_losses, earns_on_force, force_of, held_out_cost, simplest
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.look import UNCLEAN, by_batches
+from sysid_bench.gap.price import DECOY_NAMES, Contender, shape_count, subset
 from sysid_bench.gap.problem import Point
 from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect

@@ -14,9 +14,9 @@ import numpy as np
 
 from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.free_run import run, shown
+from sysid_bench.gap.price import Contender
 from sysid_bench.gap.problem import Point, Problem, evaluate
 from sysid_bench.gap.traces import Trace, banded
 from sysid_bench.nouns import Array, Excitation, Signal

@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 
 from sysid_bench.gap.candidates import Candidate, Screen
-from sysid_bench.gap.contend import CLOSED, Arena, Contender, cheapest, kindred, refine
+from sysid_bench.gap.contend import Arena, kindred, refine
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.finalists import polished_screen, shortlist
 from sysid_bench.gap.nudge import leads
+from sysid_bench.gap.price import CLOSED, Contender, cheapest
 from sysid_bench.gap.problem import Problem, evaluate
 from sysid_bench.gap.screen import PRIOR_SCALE, screen
 from sysid_bench.gap.story import Round, Rules

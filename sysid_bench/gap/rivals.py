@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sysid_bench.gap.answer import Answer
-from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.decide import place_value
+from sysid_bench.gap.price import Contender
 from sysid_bench.mechanics.effect import Effect
 
 # What the evidence cannot split by itself, and why (same data).

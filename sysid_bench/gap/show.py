@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from sysid_bench.gap.answer import Answer
-from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.decide import moved_knobs, moves, place_value, practical_moves
 from sysid_bench.gap.evidence import effect_values
 from sysid_bench.gap.experiment import Settling
 from sysid_bench.gap.inverse import ForceProblem
+from sysid_bench.gap.price import DECOY_NAMES
 from sysid_bench.gap.unexplained import contender_values, description, power_values, where_values
 
 

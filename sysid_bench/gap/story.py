@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from sysid_bench.gap.candidates import Screen
-from sysid_bench.gap.contend import DECOY_NAMES, Contender
 from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.price import DECOY_NAMES, Contender
 
 
 @dataclass(frozen=True)

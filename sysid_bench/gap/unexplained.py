@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.answer import Answer
-from sysid_bench.gap.contend import Contender
 from sysid_bench.gap.decide import place_value
+from sysid_bench.gap.price import Contender
 from sysid_bench.gap.reference import flexible_reference
 
 

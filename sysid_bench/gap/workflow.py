@@ -14,7 +14,6 @@ from sysid_bench.gap.candidates import Screen
 from sysid_bench.gap.check_data import DataCheck, check_data, refuse_too_long, refuse_unusable
 from sysid_bench.gap.choose import choose
 from sysid_bench.gap.choose_on_force import choose_on_force
-from sysid_bench.gap.contend import DECOY_NAMES
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.fineness import finer
@@ -29,6 +28,7 @@ from sysid_bench.gap.prepare import (
     with_faults,
     within_steps,
 )
+from sysid_bench.gap.price import DECOY_NAMES
 from sysid_bench.gap.problem import Problem, evaluate
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
