@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from sysid_bench.effects import effect_class, names
+from sysid_bench.gap import refit
 from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
@@ -51,6 +52,22 @@ def problem_and_screen(draw, seed, **given):
     problem = prepared([record], model, check_data([record]))[0]
     linear = linear_fit(problem)
     return problem, linear, screen(problem, linear, CATALOGUE), trial.truth["effects"]
+
+
+def test_a_refit_near_the_noise_goes_on_until_nothing_is_left_to_gain(draw, monkeypatch):
+    trial = draw(7, size="three", kind="parameters").trial()
+    model = Model(
+        trial.M, trial.D, trial.K, input_map=trial.L, hold=trial.hold, initial_state=trial.initial_state
+    )
+    u, y = trial.train
+    record = Record(np.arange(len(u)) * trial.h, u, y, hold=trial.hold)
+    problem = prepared([record], model, check_data([record]))[0]
+    monkeypatch.setattr(refit, "STEPS", 2)
+    monkeypatch.setattr(refit, "regression_start", lambda *_: None)
+    monkeypatch.setattr(refit, "NEAR", 0.0)
+    early = linear_fit(problem).rho
+    monkeypatch.setattr(refit, "NEAR", np.inf)
+    assert linear_fit(problem).rho < 1.1 < 1.3 < early
 
 
 def test_polishing_finds_the_shape_between_the_grid(draw):

@@ -11,6 +11,12 @@ from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.motion import seen
 from sysid_bench.gap.problem import Point, Problem, evaluate
 
+STEPS, FURTHER = (
+    15,
+    45,
+)  # of the descent; more where it is near the noise: there the last ones decide whether anything is missing
+NEAR = 2.0  # rho
+
 
 def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point | None:
     """theta by regularised regression on the smoothed motion: reaches the valley that descent from afar misses."""
@@ -30,10 +36,12 @@ def regression_start(problem: Problem, point: Point, rounds: int = 2) -> Point |
 def linear_fit(problem: Problem) -> Fit | None:
     """The better of two descents: from the nominal, and from a regression. None where neither can be simulated."""
     known = free_parameters(problem.effects)
-    first = fit(problem, problem.nominal(), known, iterations=15)
+    first = fit(problem, problem.nominal(), known, iterations=STEPS)
+    if first is not None and first.steps == STEPS and first.rho < NEAR:
+        first = fit(problem, first.point, known, iterations=FURTHER) or first
     if first is not None and (problem.on_force or first.rho < 1.3):
         return first
     start = regression_start(problem, problem.nominal())
-    second = fit(problem, start, known, iterations=15) if start is not None else None
+    second = fit(problem, start, known, iterations=STEPS) if start is not None else None
     fits = [f for f in (first, second) if f is not None]
     return min(fits, key=lambda f: f.rss + f.moved * max(1.0, f.rho)) if fits else None
