@@ -21,4 +21,6 @@ def solved(A: Array, B: Array, blind: float) -> Array:
     factor, failed = dpotrf(scaled)
     if not failed and dpocon(factor, np.abs(scaled).sum(axis=0).max())[0] > 10 * blind:
         return dpotrs(factor, right)[0].reshape(B.shape) / units
+    if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
+        return np.full(B.shape, np.nan)  # LAPACK may never come back from these
     return np.linalg.lstsq(scaled, right, rcond=blind)[0] / units
