@@ -78,7 +78,7 @@ def _check(name: str, cfg: dict[str, Any]) -> int:
 
 def reference_name(study: str, tier: str) -> str:
     """Name of a study's reference table: each tier keeps one of its own."""
-    name = study.removeprefix("reference/").replace("/", "__")
+    name = str(study).removeprefix("reference/").replace("/", "__")
     return name if tier in ("exact", name) else f"{name}.{tier}"
 
 
