@@ -162,6 +162,8 @@ def _override(verb: str, text: str, plugins: Plugins) -> str:
         if value.removesuffix(".yaml") not in studies(plugins):
             raise InputError(f"experiment={value}: no such study. There are: {', '.join(studies(plugins))}.")
         return f"+experiments={value.removesuffix('.yaml')}" if verb == "sweep" else text
+    if value.strip() == "[]" and key in groups(plugins):
+        raise InputError(f"{key}=[]: one option is wanted. {key} has: {', '.join(groups(plugins)[key])}.")
     if key.lstrip("+") in VERBATIM and value not in ("null", ""):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("${", "\\${")
         return f'{key}="{escaped}"'

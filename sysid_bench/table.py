@@ -48,7 +48,7 @@ def _columns(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
         for name, value in row.items():
             kinds = seen.setdefault(name, set())
             if value is not None:
-                kinds.add(type(value))
+                kinds.add(str if isinstance(value, int) and value.bit_length() > 63 else type(value))
     types = {frozenset({bool}): pa.bool_(), frozenset({int}): pa.int64()}
     numbers = {float, int, bool}
     return {

@@ -73,10 +73,11 @@ class Bash:
 def test_tab_in_a_real_bash(tmp_path: Path) -> None:
     (tmp_path / "run of today.csv").touch()
     bash = Bash(tmp_path)
-    bash.type("sysid-bench sim\t", until="simulate ")
-    bash.type("plant=one_dof_u\t", until="plant=one_dof_undamped ")
-    bash.type("noise.sn\t", until="noise.snr_db=")
-    bash.type("15 \x15sysid-bench identify record=run\t", until="of\\ today.csv")
+    assert "simulate " in bash.type("sysid-bench sim\t", until="simulate ")
+    assert "plant=one_dof_undamped " in bash.type("plant=one_dof_u\t", until="plant=one_dof_undamped ")
+    assert "noise.snr_db=" in bash.type("noise.sn\t", until="noise.snr_db=")
+    record = "of\\ today.csv"
+    assert record in bash.type("15 \x15sysid-bench identify record=run\t", until=record)
     bash.close()
 
 

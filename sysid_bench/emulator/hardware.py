@@ -8,6 +8,8 @@ import numpy as np
 
 from sysid_bench.nouns import Array, InputError
 
+LARGEST = 1e100  # number that still leaves room to work with
+
 
 @dataclass(frozen=True)
 class Hardware:
@@ -29,9 +31,10 @@ class Hardware:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.noise_rms, self.quantisation, self.jitter_s, self.seed) < 0:
-            raise InputError("hardware: noise_rms, quantisation, jitter_s and seed cannot be negative.")
-        if abs(self.drift_ppm) > 1e5:
+        for name in ("noise_rms", "quantisation", "jitter_s", "seed"):
+            if not 0 <= getattr(self, name) < LARGEST:
+                raise InputError(f"hardware.{name} must be 0 to {LARGEST:g}; got {getattr(self, name)!r}.")
+        if not abs(self.drift_ppm) <= 1e5:
             raise InputError(
                 f"hardware.drift_ppm={self.drift_ppm:g}: a clock that is off by more than 10 % is none."
             )

@@ -25,6 +25,10 @@ class Clock:
         self._h, self._unit = 1 / rig.rate_hz, rig.tick_unit_s
         self._stretch = 1 + 1e-6 * hardware.drift_ppm
         self._jitter = hardware.jitter_s
+        if not self._jitter < self._h / 2:
+            raise InputError(
+                f"hardware.jitter_s={self._jitter:g} must be below half a sample, {self._h / 2:g} s."
+            )
         self._rng = np.random.default_rng([hardware.seed, 1])
 
     def instant(self, number: int) -> tuple[float, int]:

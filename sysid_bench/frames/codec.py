@@ -64,7 +64,11 @@ class Codec:
             full[guard.alive] = self._alive[name] = (self._alive.get(name, -1) + 1) % (1 << bits)
         try:
             data = message.encode(full, padding=False, strict=True)
-        except (DbcError, OverflowError, ValueError) as problem:
+        except KeyError as word:
+            raise InputError(
+                f"message {name} cannot carry {dict(values)!r:.200}: {word} is no value's name."
+            ) from None
+        except (DbcError, OverflowError, ValueError, TypeError) as problem:
             raise InputError(f"message {name} cannot carry {dict(values)!r:.200}: {problem}") from None
         place = self._crc_byte[message.frame_id]
         if place is not None:

@@ -96,8 +96,8 @@ def enlarge_buffer(sock: socket.socket) -> None:
 
 def opened(bus: Any, rig: Any, pace: float) -> Link:
     """The link of a bus for a rig. Raises InputError, also for a pace that cannot be."""
-    if not pace > 0 or (pace != 1 and bus.moves_hardware):
-        raise InputError(f"pace must be positive, and 1 for real hardware; got {pace!r}.")
+    if not 1e-3 <= pace <= 1e6 or (pace != 1 and bus.moves_hardware):
+        raise InputError(f"pace must be 0.001 to 1e6, and 1 for real hardware; got {pace!r}.")
     link = bus.open(rig)
     link.pace = float(pace)
     return link

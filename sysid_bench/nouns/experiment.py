@@ -12,6 +12,8 @@ from sysid_bench.nouns.plant import Plant
 from sysid_bench.nouns.record import Record
 from sysid_bench.nouns.words import Array, Hold, InputError
 
+MOST_SAMPLES = 1_000_000_000  # 8 GB a channel
+
 
 @dataclass(frozen=True, eq=False)
 class Signal:
@@ -52,8 +54,8 @@ class Sampling:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.h_s) and self.h_s > 0):
             raise InputError(f"sampling.h_s must be a positive time in s; got {self.h_s!r}.")
-        if self.N < 2:
-            raise InputError(f"sampling.N must be at least 2 samples; got {self.N!r}.")
+        if not 2 <= self.N <= MOST_SAMPLES:
+            raise InputError(f"sampling.N must be 2 to {MOST_SAMPLES:,} samples; got {self.N!r}.")
 
 
 @dataclass(frozen=True, eq=False)
