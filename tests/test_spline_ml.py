@@ -244,7 +244,7 @@ def growth(theta: np.ndarray) -> float:
 def test_an_instrumental_step_that_runs_away_is_not_taken() -> None:
     run, problem = dim_run()
     start = linear_start([run], problem.free, problem.known)
-    assert growth(start) < 0 < GROWTH < growth(refine(run.data, run.maps, run.F, start, steps=3)[0])
+    assert growth(start) < 0 < GROWTH < growth(refine(run.equation, start, steps=3)[0])
     assert growth(refined_start([run], problem.free, start).theta) <= GROWTH
 
 

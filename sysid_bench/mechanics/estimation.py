@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,29 @@ class Fit:
     def matrices(self) -> tuple[Array, Array, Array]:
         return unpack(self.maximum.theta, self.problem.maps.n)
 
+    @cached_property
+    def sound(self) -> bool:
+        """The search ended, in a plant that can exist: mass and stiffness not negative, no mode that grows fast."""
+        M, _, K = self.matrices
+        if not (self.maximum.converged and np.all(np.isfinite(self.maximum.theta))):
+            return False
+        least = min(np.linalg.eigvalsh(X)[0] / np.abs(X).max() for X in (M, K))
+        found = self.maximum.point.modes.poles
+        return bool(least > -SLACK and np.all(found.real < SLACK * np.abs(found)))
+
+    @cached_property
+    def unexplained(self) -> float:
+        """Residual power in the band over the noise above it, over what chance allows; below 1 is well."""
+        worst = 0.0
+        for run, fitted in zip(self.runs, self.maximum.point.runs):
+            edge = max(run.F, len(run.data.omega) // 4)
+            above = power_above(run.data, edge)
+            if above is not None and np.all(above > 0):
+                ratio = float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max())
+                chance = 1 + 5 * np.sqrt(1 / run.F + 1 / (len(run.data.omega) - edge))
+                worst = max(worst, ratio / chance)
+        return worst
+
 
 def problem_of(
     records: list[Record], model: Model, noise: str, definite: bool, nominal: bool, proportional: bool = False
@@ -109,26 +133,16 @@ def fit_problem(problem: Problem, hold: str) -> Fit:
             except (Diverged, NotApplicable) as problem_met:
                 reasons.append(str(problem_met))
                 continue
-            if is_sound(tries[-1]) and (_explained(tries[-1]) or _confirmed(tries)):
+            if tries[-1].sound and (_explained(tries[-1]) or _confirmed(tries)):
                 return _coloured(tries[-1])
     if not tries:
         raise NotApplicable("no start: " + "; ".join(dict.fromkeys(reasons)))
-    return _coloured(min(tries, key=lambda fit: (not is_sound(fit), evaluate(fit.maximum.theta, runs).cost)))
-
-
-def is_sound(fit: Fit) -> bool:
-    """The search ended, in a plant that can exist: mass and stiffness not negative, no mode that grows fast."""
-    M, _, K = fit.matrices
-    if not (fit.maximum.converged and np.all(np.isfinite(fit.maximum.theta))):
-        return False
-    least = min(np.linalg.eigvalsh(X)[0] / np.abs(X).max() for X in (M, K))
-    found = fit.maximum.point.modes.poles
-    return bool(least > -SLACK and np.all(found.real < SLACK * np.abs(found)))
+    return _coloured(min(tries, key=lambda fit: (not fit.sound, evaluate(fit.maximum.theta, runs).cost)))
 
 
 def _explained(fit: Fit) -> bool:
     """Nothing left in the band but noise, as far as the noise above the band tells; which is little where the signal is dim."""
-    return fit.problem.noise != "coloured" and _dimness(fit) < DIM and unexplained(fit) < 1.0
+    return fit.problem.noise != "coloured" and _dimness(fit) < DIM and fit.unexplained < 1.0
 
 
 def _dimness(fit: Fit) -> float:
@@ -167,22 +181,10 @@ def _approached(
     if all(a.F == b.F for a, b in zip(sparse, full)):
         return full, point, LIMIT
     near = Fit(problem, sparse, _maximise(problem, sparse, point, NEAR_LIMIT, NEAR))
-    if not is_sound(near):
+    if not near.sound:
         raise Diverged("the search on few bins did not end in a plant that can exist")
     runs = _widened(full, full, near.maximum)
     return runs, evaluate(near.maximum.theta, runs), NEAR_LIMIT
-
-
-def unexplained(fit: Fit) -> float:
-    """Residual power in the band over the noise above it, over what chance allows; below 1 is well."""
-    worst = 0.0
-    for run, fitted in zip(fit.runs, fit.maximum.point.runs):
-        edge = max(run.F, len(run.data.omega) // 4)
-        above = power_above(run.data, edge)
-        if above is not None and np.all(above > 0):
-            ratio = float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max())
-            worst = max(worst, ratio / (1 + 5 * np.sqrt(1 / run.F + 1 / (len(run.data.omega) - edge))))
-    return worst
 
 
 def _coloured(fit: Fit) -> Fit:
@@ -233,7 +235,7 @@ def _settled(problem: Problem, shown: list[Run], runs: list[Run], point: Point, 
     fit = Fit(problem, runs, _maximise(problem, runs, point, limit))
     for _ in range(2):
         wider = _widened(fit.runs, shown, fit.maximum)
-        if not is_sound(fit) or all(b.F < SHORT * a.F for a, b in zip(fit.runs, wider)):
+        if not fit.sound or all(b.F < SHORT * a.F for a, b in zip(fit.runs, wider)):
             break
         fit = _searched(problem, wider, fit.maximum.theta, limit)
     return fit

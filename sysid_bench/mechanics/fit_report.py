@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sysid_bench.mechanics.estimation import Fit, is_sound, unexplained
+from sysid_bench.mechanics.estimation import Fit
 from sysid_bench.mechanics.identifiability import (
     Identifiability,
     directions,
@@ -54,7 +54,7 @@ def estimate_of(fit: Fit, said: Mapping[str, Any]) -> Estimate:
     M, D, K = fit.matrices
     if not fit.maximum.converged:
         raise Diverged(f"no maximum of the likelihood in {fit.maximum.iterations} iterations.")
-    if not is_sound(fit):
+    if not fit.sound:
         raise Diverged(
             "the likelihood was highest for a plant that cannot exist: too little signal for this model."
         )
@@ -85,7 +85,7 @@ def _warnings(fit: Fit, known: Identifiability, found: NDArray[Any]) -> list[str
     said = [run.data.note for run in fit.runs if run.data.note]
     if _periods(fit, found) < SHORT_RECORD:
         said.append(f"the record holds {_periods(fit, found):.1f} periods of the slowest mode, fewer than 5")
-    if unexplained(fit) > 1:
+    if fit.unexplained > 1:
         said.append(
             "the residual in the band is above the noise beyond it: coloured noise (try noise=coloured), a wrong "
             "hold, or more than a linear model"

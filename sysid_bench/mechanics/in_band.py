@@ -121,9 +121,9 @@ def band_edge(data: Spectra) -> int:
     The floor is the least smoothed power, then the mean power above the band; where the response fills the
     whole spectrum, so does the band. Raises NotApplicable for an output that does not move.
     """
-    moves = [bool(np.any(y != y[0])) for y in data.y.T]
-    if not all(moves):
-        raise NotApplicable(f"output channel {moves.index(False)} never moves.")
+    still = (data.y == data.y[0]).all(axis=0)
+    if still.any():
+        raise NotApplicable(f"output channel {still.argmax()} never moves.")
     floor, width = noise_floor(data.power), SMOOTH
     for _ in range(2):
         edge = _edge(data.power, floor, width)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.kronecker import Products, products, with_ends
-from sysid_bench.mechanics.likelihood import Fitted, Point, Run
+from sysid_bench.mechanics.likelihood import Fitted, Fold, Point, Run
 from sysid_bench.mechanics.noise_weight import root, weigh
 from sysid_bench.mechanics.response import Image, Modes, output_modes, transfer
 from sysid_bench.mechanics.second_order import unpack
@@ -60,21 +60,26 @@ def _summed(modes: Modes, run: Run, fit: Fitted, bins: slice) -> _Sums:
     main = run.main.motion(modes, run.maps, bins, free)
     W = fit.W[bins] if len(fit.W) == run.F > 1 else fit.W
     seen, R = run.maps.C @ modes.shape, fit.R[bins]
-    G, r = _whitened(modes, main, seen, R, W)
-    g = ne.gradient(run.main.turns[bins], np.conj((np.conj(r)[:, None, :] @ G)[:, 0]), main.q)
+    back = np.conj(weigh(W, R)) @ seen
+    g = _pulled(run.main, modes, main, bins, back)
     if run.sides is not None:
         side = run.sides.motion(modes, run.maps, bins, free)
-        back = (np.conj(weigh(W, R)) @ seen * side.pole_gain) @ modes.left
-        g = g + ne.gradient(run.sides.turns[:, bins], np.conj(back), side.q)
+        g = g + _pulled(run.sides, modes, side, bins, back)
+    G = _whitened(modes, main, seen, W)
     Omega = with_ends(main.q, main.q, weight[:, 0])
     return _Sums(products(np.conj(G).swapaxes(1, 2) @ G, Omega, main.s.imag), g)
 
 
-def _whitened(modes: Modes, main: Image, seen: Complex, R: Complex, W: Array) -> tuple[Complex, Complex]:
-    """Transfer functions (F, ny, n) and residuals (F, ny) in units of the noise."""
+def _pulled(fold: Fold, modes: Modes, found: Image, bins: slice, back: Complex) -> Array:
+    """(ntheta,) the gradient in some images, from the weighed residual's conjugate as the modes see it, back (F, 2n)."""
+    return ne.gradient(fold.turns[..., bins, :], np.conj(back * found.pole_gain @ modes.left), found.q)
+
+
+def _whitened(modes: Modes, main: Image, seen: Complex, W: Array) -> Complex:
+    """Transfer functions (F, ny, n) in units of the noise."""
     B = root(W)
     if B.ndim == 3:
-        return transfer(modes, B[0] @ seen, main.pole_gain), R @ B[0].T
+        return transfer(modes, B[0] @ seen, main.pole_gain)
     if len(B) == 1:
-        return transfer(modes, B.T * seen, main.pole_gain), R * B
-    return transfer(modes, seen, main.pole_gain) * B[:, :, None], R * B
+        return transfer(modes, B.T * seen, main.pole_gain)
+    return transfer(modes, seen, main.pole_gain) * B[:, :, None]

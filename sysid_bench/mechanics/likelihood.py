@@ -14,6 +14,7 @@ import numpy as np
 from scipy.fft import irfft, rfft
 
 from sysid_bench.mechanics import normal_equations as ne
+from sysid_bench.mechanics.equation import Equation, equation_of
 from sysid_bench.mechanics.hold_spectra import hold_spectrum
 from sysid_bench.mechanics.in_band import Spectra, observations
 from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
@@ -54,6 +55,10 @@ class Run:
     @cached_property
     def power(self) -> Array:
         return np.maximum(self.data.power[: self.F].mean(axis=0), 1e-300)
+
+    @cached_property
+    def equation(self) -> Equation:
+        return equation_of(self.data, self.maps, self.F)
 
     @cached_property
     def main(self) -> Fold:
@@ -110,12 +115,11 @@ def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:
     found, c = sampled(modes, run.maps, data, bins), output_modes(modes, run.maps)
     Y, free = found.forced, found.free
     gram = np.real(np.conj(modes.inverse).T @ modal_gram(free[:F], c, W) @ modes.inverse)
-    start = np.zeros(2 * modes.n, dtype=complex)
+    R, start = _residual(data, Y)[:F], np.zeros(2 * modes.n, dtype=complex)
     for _ in range(1 if data.mask is None else 4):  # with gaps the gram is that of the complete record
-        R = _residual(data, Y + (free * start) @ c.T)[:F]
         slope = (modes.inverse.T @ (free[:F] * (np.conj(weigh(W, R)) @ c)).sum(axis=0)).real
         start = start + modes.inverse @ solved(gram, slope, ne.BLIND)
-    R = _residual(data, Y + (free * start) @ c.T)[:F]
+        R = _residual(data, Y + free @ (c * start).T)[:F]
     if run.weight is not None:
         return Fitted(R, start, free[:F], run.weight, given(R, run.weight))
     return Fitted(R, start, free[:F], *estimated(R, run.power, run.count, run.noise))

@@ -107,4 +107,4 @@ def _matrices(poles: Complex, shapes: Complex) -> Array:
     D = -M @ np.real((shapes * poles**2) @ shapes.T) @ M
     if not all(np.all(np.isfinite(X)) for X in (M, D, K)):
         raise Diverged("the modes found do not make a mechanical system.")
-    return pack(*(definite((X + X.T) / 2) for X in (M, D, K)))
+    return pack(*definite(np.stack([(X + X.T) / 2 for X in (M, D, K)])))

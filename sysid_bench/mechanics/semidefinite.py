@@ -14,12 +14,12 @@ def solved(A: Array, B: Array, blind: float) -> Array:
     Of minimal norm where A's smallest singular value is below `blind` times the largest, as far as the condition's
     estimate tells; by Cholesky, at a tenth of the cost, elsewhere.
     """
-    d = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    d = np.sqrt(np.maximum(A.diagonal(), 1e-300))
     scaled = A / d / d[:, None]
     units = d if B.ndim == 1 else d[:, None]
     right = B / units
     factor, failed = dpotrf(scaled)
-    if not failed and dpocon(factor, np.abs(scaled).sum(axis=0).max())[0] > 10 * blind:
+    if not failed and dpocon(factor, len(d))[0] > 10 * blind:  # with a unit diagonal no row sums to more
         return dpotrs(factor, right)[0].reshape(B.shape) / units
     if not (np.isfinite(scaled).all() and np.isfinite(right).all()):
         return np.full(B.shape, np.nan)  # LAPACK may never come back from these

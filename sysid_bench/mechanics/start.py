@@ -55,7 +55,10 @@ def linear_start(runs: list[Run], free: NDArray[np.bool_], known: Array) -> Arra
 
     Raises NotApplicable where not every degree of freedom has its own sensor.
     """
-    parts = [equation_error_normal(run.data, run.maps, run.F) for run in runs]
+    for run in runs:
+        if run.maps.C.shape[0] < run.maps.n or np.linalg.matrix_rank(run.maps.C) < run.maps.n:
+            raise NotApplicable("the linear start needs a sensor on every degree of freedom.")
+    parts = [equation_error_normal(run.equation) for run in runs]
     H, g = sum((H for H, _ in parts), np.zeros(())), sum((g for _, g in parts), np.zeros(()))
     theta = np.array(known, dtype=float)
     right = g[free] - H[np.ix_(free, ~free)] @ theta[~free]
@@ -88,15 +91,14 @@ def definite_start(runs: list[Run], free: NDArray[np.bool_], known: Array, lift:
     if not free.all():
         raise NotApplicable("a search among positive matrices wants all entries free.")
     n = runs[0].maps.n
-    lifted = pack(*(definite(X, lift) for X in unpack(linear_start(runs, free, known), n)))
+    lifted = pack(*definite(np.stack(unpack(linear_start(runs, free, known), n)), lift))
     return evaluate(maximise(runs, factor(lifted, n), definite_parameters(n)).theta, runs)
 
 
 def _refined(runs: list[Run], theta: Array) -> Point | None:
     """The likelihood after one instrumental step; None where it cannot be simulated or a mode grows."""
-    run = runs[0]
     try:
-        point = evaluate(refine(run.data, run.maps, run.F, theta, steps=1)[0], runs)
+        point = evaluate(refine(runs[0].equation, theta, steps=1)[0], runs)
     except Diverged:
         return None
     poles = point.modes.poles

@@ -46,7 +46,7 @@ class MdkSrivc:
                 raise NotApplicable("mdk_srivc wants all entries of mass, damping and stiffness free.")
             run = in_band_run(record, problem, hold_of(record, model))
             start = linear_start([run], problem.free, problem.known)
-            theta, steps, rest = refine(run.data, run.maps, run.F, start, self.max_iterations, self.tolerance)
+            theta, steps, rest = refine(run.equation, start, self.max_iterations, self.tolerance)
             if not rest:
                 raise Diverged(f"refined instrumental variables do not come to rest in {steps} steps.")
             point = evaluate(theta, [run])
