@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, driven, power_above, spectra, thinned
-from sysid_bench.mechanics.likelihood import Point, Run, evaluate
+from sysid_bench.mechanics.in_band import SHORTEST, Spectra, band_edge, driven, spectra, thinned
+from sysid_bench.mechanics.likelihood import Point, Run, evaluate, unexplained
 from sysid_bench.mechanics.maximum import LIMIT, TOLERANCE, Maximum, Parameters, maximise
 from sysid_bench.mechanics.noise_weight import noise_spectrum
 from sysid_bench.mechanics.proportional import proportional_parameters, proportions
@@ -77,16 +77,7 @@ class Fit:
 
     @cached_property
     def unexplained(self) -> float:
-        """Residual power in the band over the noise above it, over what chance allows; below 1 is well."""
-        worst = 0.0
-        for run, fitted in zip(self.runs, self.maximum.point.runs):
-            edge = max(run.F, len(run.data.omega) // 4)
-            above = power_above(run.data, edge)
-            if above is not None and np.all(above > 0):
-                ratio = float(((np.abs(fitted.R) ** 2).mean(axis=0) / above).max())
-                chance = 1 + 5 * np.sqrt(1 / run.F + 1 / (len(run.data.omega) - edge))
-                worst = max(worst, ratio / chance)
-        return worst
+        return unexplained(self.maximum.point, self.runs)
 
 
 def problem_of(

@@ -16,7 +16,7 @@ from scipy.fft import irfft, rfft
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.equation import Equation, equation_of
 from sysid_bench.mechanics.hold_spectra import hold_spectrum
-from sysid_bench.mechanics.in_band import Spectra, observations
+from sysid_bench.mechanics.in_band import Spectra, observations, power_above, squared
 from sysid_bench.mechanics.noise_weight import estimated, given, modal_gram, weigh
 from sysid_bench.mechanics.response import Image, Maps, Modes, image, modes_of, output_modes, sampled
 from sysid_bench.mechanics.second_order import unpack
@@ -55,6 +55,17 @@ class Run:
     @cached_property
     def power(self) -> Array:
         return np.maximum(self.data.power[: self.F].mean(axis=0), 1e-300)
+
+    @cached_property
+    def edge(self) -> int:
+        """Bins from here on hold noise only."""
+        return max(self.F, len(self.data.omega) // 4)
+
+    @cached_property
+    def above(self) -> Array | None:
+        """(ny,) mean power of the noise above the band; None where too few bins are left."""
+        found = power_above(self.data, self.edge)
+        return None if found is None or not np.all(found > 0) else found
 
     @cached_property
     def equation(self) -> Equation:
@@ -104,6 +115,18 @@ def evaluate(theta: Array, runs: Sequence[Run], before: Sequence[Fitted] | None 
     if not np.isfinite(cost):
         raise Diverged("the likelihood is not finite.")
     return Point(theta, modes, fitted, cost)
+
+
+def unexplained(point: Point, runs: Sequence[Run]) -> float:
+    """Residual power in the band over the noise above it, over what chance allows: below 1 is well, 0 says that there is
+    nothing above the band to judge by."""
+    worst = 0.0
+    for run, fitted in zip(runs, point.runs):
+        if run.above is not None:
+            ratio = float((squared(fitted.R).mean(axis=0) / run.above).max())
+            chance = 1 + 5 * np.sqrt(1 / run.F + 1 / (len(run.data.omega) - run.edge))
+            worst = max(worst, ratio / chance)
+    return worst
 
 
 def _fit_run(modes: Modes, run: Run, before: Fitted | None) -> Fitted:

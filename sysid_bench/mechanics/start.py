@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sysid_bench.mechanics.definite_parameters import definite_parameters, factor
-from sysid_bench.mechanics.likelihood import Point, Run, evaluate
+from sysid_bench.mechanics.likelihood import Point, Run, evaluate, unexplained
 from sysid_bench.mechanics.linear_start import equation_error_normal
 from sysid_bench.mechanics.maximum import maximise
 from sysid_bench.mechanics.modal_start import modal_start
@@ -28,6 +28,7 @@ LIFTS = (0.1, 0.2, 0.3, 0.05)  # of the largest eigenvalue: where a search among
 SAMPLES_PER_PERIOD = (8.0, 5.0, 12.0, 4.0, 3.5)  # of the top mode, for the subspace step; each another chance
 GROWTH = 0.01  # of a mode, relative to its frequency: an instrumental step that ends there has run away
 SETTLED = 30.0  # gain of log-likelihood below which Gauss-Newton is the better next step
+FLOOR = 2.0  # times the noise above the band that is left in it: below, it is as well
 
 
 def starts(
@@ -77,7 +78,7 @@ def refined_start(runs: list[Run], free: NDArray[np.bool_], theta: Array) -> Poi
         if trial is None or trial.cost >= point.cost:
             return point
         gain, point = point.cost - trial.cost, trial
-        if gain < SETTLED:
+        if gain < SETTLED or 0 < unexplained(point, runs) < FLOOR:
             return point
     return point
 
