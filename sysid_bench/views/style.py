@@ -6,9 +6,10 @@ import re
 from contextlib import contextmanager
 from typing import Any
 
-# Okabe and Ito's palette without yellow and black (black is the bound); each colour has its own marker and dash.
+# Okabe and Ito's palette without yellow and black (black is the bound); each colour has its own marker and dash, and
+# comes back with another marker: 88 series differ.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5195", "#666666")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", "h", ">")
 DASHES = (
     "-",
     (0, (5, 1.5)),
