@@ -13,7 +13,7 @@ from sysid_bench.views.figures import draw, runs_line, write_figures
 from sysid_bench.views.spec import left_out, read_figure, standard_figures, study_figures
 from sysid_bench.views.strip import failure_share
 from sysid_bench.views.study import curve, read_study, where
-from sysid_bench.views.style import COLOURS, MARKERS, publication, wrapped
+from sysid_bench.views.style import COLOURS, MARKERS, look, publication, wrapped
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,8 @@ def test_a_folder_that_is_no_study_is_refused(tmp_path):
 
 
 def test_no_two_series_share_a_colour_or_a_mark():
-    assert len(set(COLOURS)) == len(COLOURS) == len(set(MARKERS))
+    assert len(set(COLOURS)) == len(COLOURS) and len(set(MARKERS)) == len(MARKERS)
+    assert len({(look(i)["color"], look(i)["marker"]) for i in range(88)}) == 88
 
 
 def test_a_wrong_figure_is_refused_before_the_work():
