@@ -13,7 +13,7 @@ from operator import add
 import numpy as np
 
 from sysid_bench.mechanics import normal_equations as ne
-from sysid_bench.mechanics.kronecker import Products, products, with_ends
+from sysid_bench.mechanics.kronecker import Products, grams, products, with_ends
 from sysid_bench.mechanics.likelihood import Fitted, Fold, Point, Run
 from sysid_bench.mechanics.noise_weight import root, weigh
 from sysid_bench.mechanics.response import Image, Modes, output_modes, transfer
@@ -67,7 +67,7 @@ def _summed(modes: Modes, run: Run, fit: Fitted, bins: slice) -> _Sums:
         g = g + _pulled(run.sides, modes, side, bins, back)
     G = _whitened(modes, main, seen, W)
     Omega = with_ends(main.q, main.q, weight[:, 0])
-    return _Sums(products(np.conj(G).swapaxes(1, 2) @ G, Omega, main.s.imag), g)
+    return _Sums(products(grams(G), Omega, main.s.imag), g)
 
 
 def _pulled(fold: Fold, modes: Modes, found: Image, bins: slice, back: Complex) -> Array:

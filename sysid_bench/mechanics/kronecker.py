@@ -17,6 +17,7 @@ from sysid_bench.mechanics.second_order import upper
 from sysid_bench.nouns import Array, Complex
 
 POWERS = (2, 1, 0)  # of s, for M, D, K
+FEW_COLUMNS, AT_A_TIME = 4, 512  # of `grams`; the bins stay in the cache
 TURN = (1, -1, -1, 1)  # Re j^m X = Re X, -Im X, -Re X, Im X for m = 0 .. 3
 
 
@@ -132,6 +133,23 @@ def _places(n: int, wide: int, lowest: int, ends: tuple[int, ...]) -> tuple[Arra
     odd = m % 2
     block = (m - lowest - odd) // 2 + odd * len(range(lowest, 5, 2))
     return block * u * u + entry[:, None] * u + entry, (-1.0) ** power[:, None] * np.array(TURN)[m % 4]
+
+
+def grams(G: Complex) -> Complex:
+    """(F, n, n) G^H G bin by bin, G (F, ny, n); for few columns by products along the bins: BLAS takes longer to be called
+    than to multiply them."""
+    F, _, n = G.shape
+    if n > FEW_COLUMNS:
+        return np.conj(G).swapaxes(1, 2) @ G
+    S = np.empty((F, n, n), dtype=complex)
+    for k in range(0, F, AT_A_TIME):
+        bins = slice(k, k + AT_A_TIME)
+        rows = np.ascontiguousarray(G[bins].transpose(1, 2, 0))
+        back = np.conj(rows)
+        for i in range(n):
+            S[bins, i, i:] = right = (back[:, i : i + 1] * rows[:, i:]).sum(axis=0).T
+            S[bins, i + 1 :, i] = np.conj(right[:, 1:])
+    return S
 
 
 def products(S: Complex, Omega: Complex, omega: Array, hermitian: bool = True, lowest: int = 0) -> Products:

@@ -14,7 +14,8 @@ from sysid_bench.mechanics.semidefinite import solved
 from sysid_bench.nouns import Array, Diverged
 
 TOLERANCE = 1e-3  # Newton decrement: half its value is what the log-likelihood can still gain
-SMALL = 30  # times the tolerance: from there on what a step gained tells what the next one will
+SMALL = 100  # times the tolerance: from there on what a step gained tells what the next one will
+SMALL_AFTER = 1000  # the same after another step: how much less than that one it foresaw tells, too
 LIMIT = 120
 FAILURES = 9
 ROUNDING = 1e-9  # of the output
@@ -54,17 +55,17 @@ def maximise(
     """
     parameters = parameters or Parameters()
     point = point or evaluate(parameters.value(phi), runs)
-    mu, converged, iterations = 0.0, False, 0
+    mu, converged, iterations, before = 0.0, False, 0, None
     while iterations < limit:
         iterations += 1
         H, g = information_and_gradient(point, runs)
         h, s = (H, g) if parameters.slope is None else _pulled(H, g, parameters.slope(phi))
-        step = _step(h, s, phi, mu, point, runs, parameters, tolerance)
+        step = _step(h, s, phi, mu, point, runs, parameters, before, tolerance)
         if step is None or step.left < tolerance:
             converged = step is not None or _decrement(h, s) < 100 * tolerance
             phi, point = (phi, point) if step is None else (step.phi, step.point)
             break
-        phi, point, mu = step.phi, step.point, step.mu
+        phi, point, mu, before = step.phi, step.point, step.mu, step.foreseen
     return Maximum(point.theta, H, point.cost, iterations, converged or _at_rounding(point, runs), point)
 
 
@@ -82,6 +83,7 @@ class _Step:
     point: Point
     mu: float
     left: float  # Newton decrement that remains to be gained
+    foreseen: float | None  # that before the step; a damped one tells nothing
 
 
 def _pulled(H: Array, g: Array, T: Array) -> tuple[Array, Array]:
@@ -92,18 +94,20 @@ def _decrement(H: Array, g: Array) -> float:
     return float(g @ solved(H, g, BLIND))
 
 
-def _left(foreseen: float, gained: float, mu: float, tolerance: float) -> float:
-    """Newton decrement after a step that foresaw one of `foreseen` and gained `gained` of log-likelihood.
+def _left(foreseen: float, gained: float, before: float | None, tolerance: float) -> float:
+    """Newton decrement after an undamped step that foresaw one of `foreseen` and gained `gained` of log-likelihood, the step
+    `before` it having foreseen so much.
 
-    Where Gauss-Newton leaves a share r of the way to the maximum, it gains (1 + r) / 2 of what it foresaw. A damped step
-    gains little whatever is left, and tells nothing of it.
+    Where Gauss-Newton leaves a share r of the way to the maximum, it gains (1 + r) / 2 of what it foresaw, and the next
+    step foresees r^2 of it. Shares of both signs cancel in the first, so the larger of the two counts.
     """
-    if mu > 0 or foreseen <= 0 or foreseen > SMALL * tolerance:
+    if foreseen <= 0 or foreseen > (SMALL if before is None else SMALL_AFTER) * tolerance:
         return foreseen
-    return foreseen * min((2 * gained / foreseen - 1) ** 2, 1.0)
+    shares = (2 * gained / foreseen - 1) ** 2, 0.0 if before is None else foreseen / before
+    return foreseen * min(max(shares), 1.0)
 
 
-def _step(H, g, phi, mu, point, runs, parameters, tolerance) -> _Step | None:
+def _step(H, g, phi, mu, point, runs, parameters, before, tolerance) -> _Step | None:
     """The first damped step that does not lose likelihood; None where none is found."""
     d = np.sqrt(np.maximum(np.diag(H), 1e-300))
     Hs, gs = H / np.outer(d, d), g / d
@@ -114,7 +118,11 @@ def _step(H, g, phi, mu, point, runs, parameters, tolerance) -> _Step | None:
         except (Diverged, np.linalg.LinAlgError):
             trial = None
         if trial is not None and trial.cost <= point.cost + 1e-10 * abs(point.cost):
-            left = _left(float(move @ gs), point.cost - trial.cost, mu, tolerance)
-            return _Step(phi + move / d, trial, 0.0 if mu < 1e-5 else mu / 10, left)
+            foreseen, phi = float(move @ gs), phi + move / d
+            if mu > 0:  # a damped step gains little whatever is left, and tells nothing of it
+                return _Step(phi, trial, 0.0 if mu < 1e-5 else mu / 10, foreseen, None)
+            return _Step(
+                phi, trial, 0.0, _left(foreseen, point.cost - trial.cost, before, tolerance), foreseen
+            )
         mu = max(10 * mu, 1e-3)
     return None

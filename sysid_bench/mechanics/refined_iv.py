@@ -15,7 +15,7 @@ import numpy as np
 from sysid_bench.mechanics import normal_equations as ne
 from sysid_bench.mechanics.equation import Equation
 from sysid_bench.mechanics.in_band import squared
-from sysid_bench.mechanics.kronecker import products, with_ends
+from sysid_bench.mechanics.kronecker import grams, products, with_ends
 from sysid_bench.mechanics.response import Modes, modes_of, transfer
 from sysid_bench.mechanics.second_order import unpack
 from sysid_bench.mechanics.semidefinite import solved
@@ -56,8 +56,7 @@ class _Filter:
 
     def gram(self, W: Array) -> Complex:
         """(F, n, n) G^H W G."""
-        G = self.G * np.sqrt(W)[:, None]
-        return np.conj(G).swapaxes(1, 2) @ G
+        return grams(self.G * np.sqrt(W)[:, None])
 
     def motion(self, forced: Complex, S: Complex, W: Array) -> Complex:
         """(F, n) forced, with the boundary terms that fit the motion seen best; S as of gram."""
