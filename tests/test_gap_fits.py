@@ -14,11 +14,12 @@ from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import Arena, at_rest, kindred, refine
-from sysid_bench.gap.descent import fit, free_parameters
+from sysid_bench.gap.contend import Arena, kindred, refine
+from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
+from sysid_bench.gap.pieces import as_wholes, in_pieces
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
@@ -83,7 +84,7 @@ def test_polishing_finds_the_shape_between_the_grid(draw):
 def test_held_near_the_motion_a_fit_reaches_the_friction_that_a_free_run_misses(draw):
     problem, linear, screened, truth = problem_and_screen(draw, 1042, kind="single")
     first = next(c for c in screened.candidates if c.effect.name == "stribeck_friction")
-    start = Point(np.zeros(len(problem.entries)), (first.effect,), at_rest(linear))
+    start = Point(np.zeros(len(problem.entries)), (first.effect,), problem.begins)
     held = leads(problem, screened.seens)
     near = fit(held[0], start, free_parameters(start.effects), 8)
     assert near.rho < 1.2
@@ -215,3 +216,21 @@ def test_a_dead_band_on_two_levels_is_no_gain_where_the_levels_differ_between_re
     answer = find_gap(records[:2], records[2:], model, power=False)
     assert [e.name for e in answer.added] == ["input_dead_band"]
     assert answer.added[0].values[0] == pytest.approx(0.2, rel=0.05)
+
+
+def test_a_motion_that_no_free_run_follows_is_followed_in_pieces(draw):
+    trial = draw(40258, kind="single").trial()
+    model = Model(trial.M, trial.D, trial.K, input_map=trial.L, hold=trial.hold)
+    u, y = trial.train
+    record = Record(np.arange(len(u)) * trial.h, u, y, hold=trial.hold)
+    problem = prepared([record], model, check_data([record]))[0]
+    law = effect_class("dead_zone")(dof=1, **trial.truth["effects"][0]["values"])
+    start = replace(problem.nominal(), effects=(law,))
+    rows, runs = evaluate(problem, start)  # of the truth: what is left grows out of rounding
+    at_truth = Fit(start, rows, runs, 0.0, ())
+    assert at_truth.rho > 100
+    parted = in_pieces(problem, at_truth)
+    near = fit(parted, replace(start, starts=parted.begins), free_parameters((law,)), 3)
+    assert near.rho < 1.1
+    whole, same = as_wholes(parted, near)
+    assert (len(whole.traces), len(same.rows)) == (len(problem.traces), len(rows))

@@ -22,6 +22,7 @@ from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
+from sysid_bench.gap.pieces import closes
 from sysid_bench.gap.price import Contender, cheapest, price, subset
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
@@ -46,7 +47,7 @@ def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, r
         return False
     if first:
         return gain > noticeable(R)
-    clean = after.rho < 1.3 and gain > 0.7 * left and gain > 5 * np.sqrt(2 * R)
+    clean = closes(after, linear) and gain > 0.7 * left and gain > 5 * np.sqrt(2 * R)
     return gain > rules.second_share * max(left, 0) and (gain > rules.practical * linear_gap or clean)
 
 

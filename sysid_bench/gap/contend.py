@@ -33,11 +33,6 @@ def best_start(problem: Problem, choices: list[Point]) -> tuple[float, Point] | 
     return best
 
 
-def at_rest(base: Fit) -> tuple:
-    """Starts at rest: what a fit without the effect bent to swallow it is no help beside it."""
-    return tuple(np.zeros_like(x) for x in base.point.starts)
-
-
 @dataclass(eq=False)
 class Arena:
     """Where suspects are fitted: the problem, the fit before, the same problem held near the motion (leads).
@@ -95,7 +90,7 @@ def refine(
             np.zeros_like(base.point.theta),
             *([base.point.theta] if before else []),
         )
-        for starts in (base.point.starts, at_rest(base))
+        for starts in (base.point.starts, arena.problem.begins)  # a fit without it bent its own to swallow it
     ]
     found = _descended(arena, choices, promised, iterations)
     return arena.contender(found, candidate) if found is not None else None

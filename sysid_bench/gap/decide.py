@@ -80,9 +80,11 @@ def decide(
             f"{np.sqrt(now.rho):.3g} times the noise floor",
         )
     if found or faults:
-        return Verdict(
-            "effect", f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
-        )
+        first = problem.traces[0]
+        told = f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
+        if first.part_of is not None:
+            told += f" in pieces of {first.N * first.h:.3g} s; no free run follows the motion to its end"
+        return Verdict("effect", told)
     if now.rho > thresholds.bare_rho and not _small(problem, now):
         return Verdict(
             "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"

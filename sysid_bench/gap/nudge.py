@@ -20,10 +20,10 @@ DAMPING = 0.7  # of critical, of the dampers beside the springs
 
 
 def leads(problem: Problem, seens: list[Seen]) -> tuple[Problem, ...]:
-    """Problems held ever less near the smoothed motion; none where that motion is not measured itself."""
+    """Problems held ever less near the smoothed motion; none where that motion is not measured itself, nor of pieces."""
     known = _measured(problem.model)
     sensed = any(e.path in ("sensor", "timing") for e in problem.model.effects)
-    if sensed or not known.any():
+    if sensed or not known.any() or any(t.part_of for t in problem.traces):
         return ()
     return tuple(nudged(problem, seens, share * known) for share in SHARES)
 

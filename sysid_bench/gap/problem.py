@@ -116,8 +116,12 @@ class Problem:
         return as_effects(self.model.effects)
 
     def nominal(self) -> Point:
-        n = self.model.n
-        return Point(np.zeros(len(self.entries)), self.effects, tuple(np.zeros(2 * n) for _ in self.traces))
+        return Point(np.zeros(len(self.entries)), self.effects, self.begins)
+
+    @property
+    def begins(self) -> tuple[Array, ...]:
+        """(2 n,) per trace: at rest, or as a part of a longer one was measured to begin."""
+        return tuple(np.zeros(2 * self.model.n) if t.begins is None else t.begins for t in self.traces)
 
     def on(self, traces: tuple[Trace, ...]) -> Problem:
         """The same problem on other traces."""

@@ -12,6 +12,7 @@ from sysid_bench.gap.candidates import Screen, Shelf, judged
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.locate import MOST, explained_by_place, places, promise_of
 from sysid_bench.gap.motion import seen
+from sysid_bench.gap.pieces import as_wholes
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.suspects import at_places, couplings, on_the_input, on_the_sensors
 from sysid_bench.mechanics.effect import Effect
@@ -28,6 +29,7 @@ def screen(
     absent: tuple = (),
 ) -> Screen:
     """Rank every effect of the catalogue, and the decoys, at every place. absent: (name, place) not to be tried."""
+    problem, fit = as_wholes(problem, fit)
     seens = [
         seen(problem, fit.point, trace, run, x0)
         for trace, run, x0 in zip(problem.traces, fit.runs, fit.point.starts)

@@ -31,6 +31,8 @@ class Trace:
     weight: Array = field(default_factory=lambda: np.zeros((0, 0)))
     variance: Array = field(default_factory=lambda: np.zeros(0))
     pull: Array | None = None  # (N, n) N, further forces on each DOF at the samples
+    part_of: tuple[Trace, int] | None = None  # a longer trace, and the sample of it where this one begins
+    begins: Array | None = None  # (2 n,) state as it was measured where a part begins
     _stages: dict = field(default_factory=dict)
 
     @property
@@ -49,6 +51,9 @@ class Trace:
     def stages(self, substeps: int, hold: str | None = None) -> Array:
         """(S, 3, nu) stage values of the input, computed once."""
         key = (substeps, hold or self.hold)
+        if self.part_of is not None:
+            whole, first = self.part_of
+            return whole.stages(*key)[first * substeps : (first + self.N - 1) * substeps]
         if key not in self._stages:
             self._stages[key] = stage_values(self.u, self.h, key[1], substeps, None, self.period)
         return self._stages[key]

@@ -20,6 +20,7 @@ from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, judge_on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.inverse import ForceProblem
+from sysid_bench.gap.pieces import closes, in_pieces
 from sysid_bench.gap.prepare import (
     lower_floor,
     nominal_rho_of,
@@ -91,6 +92,11 @@ def find_gap(
     ):
         story = Story(linear, linear)  # the fault of the data is all that the records show
         verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
+    if not (faults or problem.on_force or closes(story.fit, linear)):
+        parted = _told_in_pieces(problem, linear, catalogue, rules, tell)
+        said = verdict if parted is None else decide(*parted, nominal_rho, len(faults), thresholds)
+        if parted is not None and said.word == "effect":
+            (problem, story), verdict = parted, said
     for effect in story.fit.point.effects[len(model.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
@@ -119,6 +125,21 @@ def _searched(
             "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
         )
     return problem, linear, story
+
+
+def _told_in_pieces(
+    problem: Problem, whole: Fit, catalogue, rules: Rules, tell
+) -> tuple[Problem, Story] | None:
+    """Pieces of the records and the story that they tell; None where they tell of no named effects that close the gap."""
+    parted = in_pieces(problem, whole)
+    linear = linear_fit(parted) if parted is not None else None
+    if parted is None or linear is None:
+        return None
+    tell(f"no free run follows the motion to its end: looked at in {len(parted.traces)} pieces")
+    story = _chosen(parted, linear, catalogue, rules, tell)
+    if story.ends_unnamed or not story.rounds or not closes(story.fit, linear):
+        return None
+    return parted, story
 
 
 def _lost(problem: Problem, first: Fit, later: Fit) -> bool:

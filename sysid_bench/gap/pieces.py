@@ -1,0 +1,79 @@
+"""records -> pieces of them, each from a start of its own: what a motion that soon forgets how it began calls for.
+
+Clearance, ripple and friction that sticks may make a motion chaotic: however well its law is known, no free run follows
+it for long. Over a few periods one does. Many short runs, each from its own start, fitted together are multiple shooting
+(Bock 1983; Baake et al. 1992 for chaotic motion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.motion import smoothed
+from sysid_bench.gap.problem import Budget, Problem, budget_of, evaluate, frequency_range
+from sysid_bench.gap.traces import Trace
+from sysid_bench.nouns import Array
+
+MOST, LEAST = 20, 4  # pieces of a record
+PERIODS = 2.5  # of the slowest mode, that a piece lasts at least
+SAMPLES = 30  # per state and one, that a piece has at least
+SHARE_OF_BUDGET = 0.5  # of what the search on whole records has
+CLOSED, SHARE = 0.3, 1e-3  # rho beyond 1, and share of the linear gap, below which a story has closed it
+
+
+def closes(fit: Fit, linear: Fit) -> bool:
+    """True where a fit leaves next to nothing of what the refit without effects left."""
+    return fit.rho - 1 < max(CLOSED, SHARE * (linear.rho - 1))
+
+
+def in_pieces(problem: Problem, linear: Fit) -> Problem | None:
+    """The problem on pieces of its records, with a budget of its own; None where they are too short for that."""
+    found: list[Trace] = []
+    for trace, run in zip(problem.traces, linear.runs):
+        q, v, _ = smoothed(problem, trace, run)
+        found += _pieces(problem, trace, np.hstack([q, v]))
+    if len(found) < LEAST * len(problem.traces):
+        return None
+    budget = Budget(SHARE_OF_BUDGET * budget_of(problem.model.n, sum(one.N for one in found)).left)
+    return replace(problem, traces=tuple(found), budget=budget)
+
+
+def as_wholes(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """The records that pieces were taken of, and there the run from a fit's first start; unchanged where there are none.
+
+    What a suspect explains is read along the motion that was measured, however far a run leaves it.
+    """
+    firsts = [k for k, t in enumerate(problem.traces) if t.part_of is not None and t.part_of[1] == 0]
+    if not firsts:
+        return problem, fit
+    whole = problem.on(tuple(t.part_of[0] for k in firsts if (t := problem.traces[k]).part_of is not None))
+    point = replace(fit.point, starts=tuple(fit.point.starts[k] for k in firsts))
+    found = evaluate(whole, point)
+    return (
+        (problem, fit) if found is None else (whole, replace(fit, point=point, rows=found[0], runs=found[1]))
+    )
+
+
+def _pieces(problem: Problem, trace: Trace, states: Array) -> list[Trace]:
+    low, n = frequency_range(problem.model, trace)[0], problem.model.n
+    length = max(PERIODS * 2 * np.pi / (low * trace.h), SAMPLES * (2 * n + 1), trace.N / MOST)
+    count = int(trace.N / length)
+    N = trace.N // count if count else 0
+    return [_piece(trace, k * N, N, states[k * N]) for k in range(count)]
+
+
+def _piece(trace: Trace, first: int, N: int, begins: Array) -> Trace:
+    """N samples from `first` on, whitened as the whole is; begins (2 n,): the state there."""
+    omega = 2 * np.pi * np.fft.rfftfreq(N, trace.h)
+    omega = omega[: max(int(np.searchsorted(omega, trace.omega[-1])), 8)]
+    weight = np.column_stack([np.interp(omega, trace.omega[1:], c[1:]) for c in trace.weight.T])
+    weight *= np.sqrt(trace.N / N)
+    weight[0] /= np.sqrt(2)  # the mean has no imaginary part to share its noise with
+    these = slice(first, first + N)
+    return replace(
+        trace, u=trace.u[these], y=trace.y[these], good=trace.good[these], t0=trace.t0 + first * trace.h, period=None,
+        F=len(omega), weight=weight, part_of=(trace, first), begins=begins, _stages={},
+    )  # fmt: skip
