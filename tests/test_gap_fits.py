@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,9 @@ from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
 from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
+from sysid_bench.gap.story import Round, Story
 from sysid_bench.gap.traces import banded, trace_of
+from sysid_bench.gap.unexplained import where_values
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
@@ -234,3 +237,7 @@ def test_a_motion_that_no_free_run_follows_is_followed_in_pieces(draw):
     assert near.rho < 1.1
     whole, same = as_wholes(parted, near)
     assert (len(whole.traces), len(same.rows)) == (len(problem.traces), len(rows))
+    look = Round(screen(parted, near, [effect_class("dead_zone")]), [], near, None)
+    where = where_values(SimpleNamespace(problem=parted, story=Story(near, near, [look])))
+    assert len(where["share_by_tenth_of_record"]) == 10  # of the whole record, not of a piece
+    assert sum(where["share_by_tenth_of_record"]) == pytest.approx(1)

@@ -46,15 +46,21 @@ def as_wholes(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
     What a suspect explains is read along the motion that was measured, however far a run leaves it.
     """
-    firsts = [k for k, t in enumerate(problem.traces) if t.part_of is not None and t.part_of[1] == 0]
-    if not firsts:
+    firsts = [k for k, t in enumerate(problem.traces) if t.part_of is None or t.part_of[1] == 0]
+    if len(firsts) == len(problem.traces):
         return problem, fit
-    whole = problem.on(tuple(t.part_of[0] for k in firsts if (t := problem.traces[k]).part_of is not None))
+    whole = problem.on(wholes(problem.traces))
     point = replace(fit.point, starts=tuple(fit.point.starts[k] for k in firsts))
     found = evaluate(whole, point)
     return (
         (problem, fit) if found is None else (whole, replace(fit, point=point, rows=found[0], runs=found[1]))
     )
+
+
+def wholes(traces: tuple[Trace, ...]) -> tuple[Trace, ...]:
+    """The traces that these are pieces of, each once; themselves where they are whole."""
+    parts = [t.part_of or (t, 0) for t in traces]
+    return tuple(whole for whole, first in parts if first == 0)
 
 
 def _pieces(problem: Problem, trace: Trace, states: Array) -> list[Trace]:

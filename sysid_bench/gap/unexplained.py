@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.decide import place_value
+from sysid_bench.gap.pieces import wholes
 from sysid_bench.gap.price import Contender
 from sysid_bench.gap.reference import flexible_reference
 
@@ -51,7 +52,7 @@ def where_values(answer: Answer) -> dict[str, Any]:
     if not answer.story.rounds:
         return {}
     first = answer.story.rounds[0].screen
-    lefts, traces = first.lefts, answer.problem.traces
+    lefts, traces = first.lefts, wholes(answer.problem.traces)
     energy = sum((np.sum(np.abs(x) ** 2, axis=0) for x in lefts), np.zeros(()))
     places = sorted(first.by_place.items(), key=lambda item: -item[1])[:5]
     power = np.sum(np.abs(lefts[0]) ** 2, axis=1)
