@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from sysid_bench.effects import effect_class, names
-from sysid_bench.gap import refit
+from sysid_bench.gap import again, refit
 from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
@@ -241,3 +241,16 @@ def test_a_motion_that_no_free_run_follows_is_followed_in_pieces(draw):
     where = where_values(SimpleNamespace(problem=parted, story=Story(near, near, [look])))
     assert len(where["share_by_tenth_of_record"]) == 10  # of the whole record, not of a piece
     assert sum(where["share_by_tenth_of_record"]) == pytest.approx(1)
+
+
+def test_an_effect_that_the_rest_cannot_do_without_is_named_again_too(draw, monkeypatch):
+    problem, linear, _, _ = problem_and_screen(draw, 21, size="one", kind="none")
+    stop, coupling = effect_class("end_stop")(0, 1.0, 1e-5), effect_class("cubic_stiffness")(0, 1e-3)
+    monkeypatch.setattr(again, "_without", lambda *_: None)  # as it is where that motion leaves every bound
+    told = [replace(linear, point=replace(linear.point, effects=(x, coupling))) for x in (stop, coupling)]
+
+    def others(without, now, effect):
+        assert without is None
+        yield Contender(told[1], Candidate(coupling, 0.0, 0.0, np.zeros(0), linear.point.theta, False), 0.0)
+
+    assert reconsidered(problem, told[0], lambda one: 0.0, 0.1, others) is told[1]

@@ -23,23 +23,24 @@ def reconsidered(
     now: Fit,
     cost: Callable[[Fit], float],
     share: float,
-    others: Callable[[Fit, Fit, Effect], Iterable[Contender]],
+    others: Callable[[Fit | None, Fit, Effect], Iterable[Contender]],
 ) -> Fit:
     """Name each earlier effect again, given the later ones.
 
-    others(without, now, effect): what may stand in its place; share: of what is left, by which another name must win
+    others(without, now, effect): what may stand in its place; without is None where the rest cannot be simulated alone
+    share: of what is left, by which another name must win
     """
     for k in range(len(problem.model.effects), len(now.point.effects) - 1):
         effect = now.point.effects[k]
         if problem.budget.spent:
             break
         without = _without(problem, now, effect)
-        if without is None or without.rss - now.rss < LOST:
+        if without is not None and without.rss - now.rss < LOST:
             continue
         best = cost(now)
         for other in others(without, now, effect):
             margin = max(20, share * (now.rss - len(now.rows)))
-            if _only_rounded(other.effect, effect):
+            if without is not None and _only_rounded(other.effect, effect):
                 margin = max(margin, 2 * RICHER_GAINS * (without.rss - now.rss))
             simpler = shape_count(other.fit.point.effects) < shape_count(now.point.effects)
             if other.cost < best + (margin if simpler and not other.is_decoy else -margin):

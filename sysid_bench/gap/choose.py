@@ -137,9 +137,13 @@ def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules
     return Round(first.screen, contenders, base, best)
 
 
-def _others(problem: Problem, catalogue, without: Fit, now: Fit, effect: Effect) -> Iterator[Contender]:
+def _others(
+    problem: Problem, catalogue, without: Fit | None, now: Fit, effect: Effect
+) -> Iterator[Contender]:
     """What may stand in the place of an effect. What closes the gap is renamed only by a name whose own descent finds as much."""
     yield from _simpler(problem, now, effect)
+    if without is None:
+        return
     screened = screen(problem, without, catalogue)
     closed = now.rho < 1.1
     arena = Arena(problem, without, leads(problem, screened.seens), closed=closed, least=now.rss)

@@ -146,8 +146,12 @@ def _told(problem: ForceProblem, story: Story, first: Round, catalogue, rules: R
     return story
 
 
-def _others(problem: ForceProblem, catalogue, without: Fit, now: Fit, effect: Effect) -> Iterator[Contender]:
+def _others(
+    problem: ForceProblem, catalogue, without: Fit | None, now: Fit, effect: Effect
+) -> Iterator[Contender]:
     """What may stand in the place of an effect: nothing richer, for on a machine a richer shape always gains a little."""
+    if without is None:
+        return
     rank = _rank(now, effect)
     for candidate in shortlist(screen_on_force(problem, without, catalogue), 4):
         if not is_it(candidate, effect):
