@@ -20,7 +20,7 @@ from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.pieces import as_wholes, in_pieces
+from sysid_bench.gap.pieces import as_wholes, in_pieces, wholes
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
@@ -233,10 +233,19 @@ def test_a_motion_that_no_free_run_follows_is_followed_in_pieces(draw):
     at_truth = Fit(start, rows, runs, 0.0, ())
     assert at_truth.rho > 100
     parted = in_pieces(problem, at_truth)
+    ends = [first + piece.N for piece in parted.traces for _, first in [piece.part_of]]
+    assert parted.traces[0].part_of[1] > 0.02 * len(u)  # a smoothed motion says little of how a record begins
+    assert max(ends) < 0.98 * len(u)
     near = fit(parted, replace(start, starts=parted.begins), free_parameters((law,)), 3)
     assert near.rho < 1.1
     whole, same = as_wholes(parted, near)
     assert (len(whole.traces), len(same.rows)) == (len(problem.traces), len(rows))
+    other = replace(problem.traces[0])
+    assert wholes((*parted.traces, other, replace(parted.traces[0], part_of=(other, 9)))) == (
+        problem.traces[0],
+        other,
+        other,
+    )
     look = Round(screen(parted, near, [effect_class("dead_zone")]), [], near, None)
     where = where_values(SimpleNamespace(problem=parted, story=Story(near, near, [look])))
     assert len(where["share_by_tenth_of_record"]) == 10  # of the whole record, not of a piece

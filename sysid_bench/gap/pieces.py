@@ -20,6 +20,7 @@ from sysid_bench.nouns import Array
 MOST, LEAST = 20, 4  # pieces of a record
 PERIODS = 2.5  # of the slowest mode, that a piece lasts at least
 SAMPLES = 30  # per state and one, that a piece has at least
+ENDS = 0.03  # of a record at either end, left out: what smooths a motion joins its end to its start
 SHARE_OF_BUDGET = 0.5  # of what the search on whole records has
 CLOSED, SHARE = 0.3, 1e-3  # rho beyond 1, and share of the linear gap, below which a story has closed it
 
@@ -46,7 +47,7 @@ def as_wholes(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
     What a suspect explains is read along the motion that was measured, however far a run leaves it.
     """
-    firsts = [k for k, t in enumerate(problem.traces) if t.part_of is None or t.part_of[1] == 0]
+    firsts = _firsts(problem.traces)
     if len(firsts) == len(problem.traces):
         return problem, fit
     whole = problem.on(wholes(problem.traces))
@@ -59,16 +60,27 @@ def as_wholes(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 def wholes(traces: tuple[Trace, ...]) -> tuple[Trace, ...]:
     """The traces that these are pieces of, each once; themselves where they are whole."""
-    parts = [t.part_of or (t, 0) for t in traces]
-    return tuple(whole for whole, first in parts if first == 0)
+    parts = (traces[k].part_of or (traces[k], 0) for k in _firsts(traces))
+    return tuple(whole for whole, _ in parts)
+
+
+def _firsts(traces: tuple[Trace, ...]) -> list[int]:
+    """Which traces are whole or the first piece of another."""
+    found, of = [], None
+    for k, trace in enumerate(traces):
+        if trace.part_of is None or trace.part_of[0] is not of:
+            found.append(k)
+        of = trace.part_of[0] if trace.part_of else None
+    return found
 
 
 def _pieces(problem: Problem, trace: Trace, states: Array) -> list[Trace]:
     low, n = frequency_range(problem.model, trace)[0], problem.model.n
     length = max(PERIODS * 2 * np.pi / (low * trace.h), SAMPLES * (2 * n + 1), trace.N / MOST)
-    count = int(trace.N / length)
-    N = trace.N // count if count else 0
-    return [_piece(trace, k * N, N, states[k * N]) for k in range(count)]
+    ends = int(ENDS * trace.N)
+    count = int((trace.N - 2 * ends) / length)
+    N = (trace.N - 2 * ends) // count if count else 0
+    return [_piece(trace, first, N, states[first]) for first in range(ends, ends + count * N, max(N, 1))]
 
 
 def _piece(trace: Trace, first: int, N: int, begins: Array) -> Trace:
