@@ -46,7 +46,7 @@ def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, r
     if gain < 25:
         return False
     if first:
-        return gain > noticeable(R)
+        return gain > max(noticeable(R), rules.first_share * left)
     clean = closes(after, linear) and gain > 0.7 * left and gain > 5 * np.sqrt(2 * R)
     return gain > rules.second_share * max(left, 0) and (gain > rules.practical * linear_gap or clean)
 

@@ -14,13 +14,14 @@ class Rules:
     """How an effect earns its place.
 
     most (most_on_force where the force is judged): effects looked for; finalists: suspects fitted by simulation; practical: share of the linear gap that
-    matters; second_share: share of what is left that a later effect must take; enough: rho at which nothing is left
+    matters; first_share, second_share: of what is left, that the first and a later effect must take; enough: rho at which nothing is left
     """
 
     most: int = 3
     most_on_force: int = 4
     finalists: int = 7
     practical: float = 0.03
+    first_share: float = 0.0
     second_share: float = 0.4
     enough: float = 1.05
 
