@@ -73,8 +73,9 @@ class Shelf:
 
 
 def shelved(b: Basis, A: Array, groups: list, decoy: list[bool]) -> Shelf:
-    """Columns A (rows, m) made ready; groups: (first, last, make, price) of each suspect."""
-    A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
+    """Columns A (rows, m) made ready; groups: (first, last, make, price) of each suspect. A of b's rows is normed in place."""
+    if len(A) < len(b.r):
+        A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
     norms = np.sqrt(np.maximum(_squares(A), 1e-300))
     A /= norms
     QA = b.Q.T @ A

@@ -8,10 +8,10 @@ import numpy as np
 
 from sysid_bench.gap.free_run import moved
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import force_along
+from sysid_bench.gap.place_forces import force_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
-from sysid_bench.mechanics.assembly import actuated
+from sysid_bench.mechanics.assembly import actuated, effect_channels
 from sysid_bench.mechanics.effect import Effect, direction
 from sysid_bench.mechanics.trajectory import trajectory
 from sysid_bench.nouns import Array
@@ -87,14 +87,15 @@ def actuated_difference(
 ) -> np.ndarray:
     """(F, ny, 1) change of the linear model's response when one actuator effect is replaced or added."""
     run, trace = s.linear, s.trace
-    A = run.assembly
-    others = [e for e in A.actuators if e is not old]
-    small = trace.h / run.substeps
-    stages = trace.stages(run.substeps)
-    before = actuated(replace(A, actuators=tuple([*others, *([old] if old else [])])), stages, small)
-    after = actuated(replace(A, actuators=(*others, new)), stages, small)
-    moved = trajectory(replace(A, actuators=()), after - before, trace.h, run.substeps)
-    return measured_spectrum(problem, trace, moved)
+    small, A = trace.h / run.substeps, run.assembly
+    others = replace(A, actuators=tuple(e for e in A.actuators if e is not old))
+    plain = actuated(others, trace.stages(run.substeps), small)
+    channels = effect_channels(new, A.L)
+    part = plain[:, :, channels] if len(channels) < A.L.shape[1] else plain  # the others stay as they are
+    alone = replace(A, L=A.L[:, channels], actuators=())
+    before = actuated(replace(alone, actuators=(old,)), part, small) if old else part
+    after = actuated(replace(alone, actuators=(new,)), part, small)
+    return measured_spectrum(problem, trace, trajectory(alone, after - before, trace.h, run.substeps))
 
 
 def held_otherwise(problem: Problem, s: SeenMotion, hold: str) -> np.ndarray:
@@ -120,14 +121,20 @@ def measured_spectrum(problem: Problem, trace: Trace, run) -> np.ndarray:
 
 
 def mode_spectra(s: SeenMotion, c: Array, w0: Array, zeta: Array) -> np.ndarray:
-    """(F, m) force on c of hidden masses of 1 kg that resonate at w0 (m,) rad/s with damping ratio zeta (m,)."""
-    w = s.trace.omega[:, None]
-    H = -(w**2) * (w0**2 + 2j * zeta * w0 * w) / (w0**2 - w**2 + 2j * zeta * w0 * w)
-    return s.trace.spectrum(s.q @ c)[:, None] * H
+    """(m, F) force on c of hidden masses of 1 kg that resonate at w0 (m,) rad/s with damping ratio zeta (m,)."""
+    return s.trace.spectrum(s.q @ c) * mode_responses(s.trace, w0, zeta)
+
+
+def mode_responses(trace: Trace, w0: Array, zeta: Array) -> np.ndarray:
+    """(m, F) force of hidden masses of 1 kg for a unit of displacement."""
+    w = trace.omega
+    loss = 2j * (zeta * w0)[:, None] * w
+    square = (w0**2)[:, None]
+    return -(w**2) * (square + loss) / (square - w**2 + loss)
 
 
 def mode_column(problem: Problem, s: SeenMotion, mode: Effect) -> np.ndarray:
     """(F, ny) response to one hidden mode."""
     w0, zeta = np.array([2 * np.pi * mode.value("frequency")]), np.array([mode.value("damping_ratio")])
     c = direction(mode.dof, problem.model.n)
-    return -mode.value("mass") * (s.G[:, :, : len(c)] @ c) * mode_spectra(s, c, w0, zeta)
+    return -mode.value("mass") * (s.G[:, :, : len(c)] @ c) * mode_spectra(s, c, w0, zeta).T

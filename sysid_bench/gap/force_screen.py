@@ -13,6 +13,7 @@ from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.inverse import ForceProblem, lone_force, own_phases
 from sysid_bench.gap.locate import places
 from sysid_bench.gap.problem import frequency_range
+from sysid_bench.gap.search import peaks
 from sysid_bench.mechanics.effect import Effect, Seen, Suspect, direction
 from sysid_bench.nouns import Array, Model
 
@@ -141,18 +142,7 @@ class ForceSearch:
         if kind == "pitch":
             return self._pitches()
         carrier = {"tone": 1.0, "damping modulation": self.v}.get(kind, self.x)
-        return self._peaks(self.force * carrier, WAVES)
-
-    def _peaks(self, x: Array, count: int) -> list[float]:
-        N = 4 * len(x)
-        power = np.abs(np.fft.rfft(x, N)) ** 2
-        omega = 2 * np.pi * np.fft.rfftfreq(N, self.trace.h)
-        last, found = int(np.searchsorted(omega, self.trace.omega[-1])), []
-        for _ in range(count):
-            k = 3 + int(np.argmax(power[3:last]))
-            found.append(float(omega[k] / (2 * np.pi)))
-            power[max(k - 8, 0) : k + 9] = 0
-        return found
+        return peaks(self.force * carrier, self.trace.h, WAVES, self.trace.omega[-1])
 
     def _pitches(self) -> list[float]:
         """Peaks of the spectrum over position, against how long each wave passes slowly enough to lie in the band."""

@@ -134,9 +134,8 @@ def promise_of(problem: Problem, seens, b: Basis, place) -> float:
             np.ones_like(z),
             _follower(z),
         ]
-        spectra.append(s.trace.spectrum(np.column_stack(shapes)))
-    A = place_rows(seens, c, spectra)
-    A = np.concatenate([A, np.zeros((b.ridge, A.shape[1]))])
+        spectra.append([s.trace.spectrum(np.column_stack(shapes)).T])
+    A = place_rows(seens, c, spectra, b.ridge)
     A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     QA, target = b.Q.T @ A, A.T @ b.r
     return float(target @ np.linalg.solve(A.T @ A - QA.T @ QA + 1e-6 * np.eye(len(target)), target))

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from sysid_bench.gap.free_run import hold_of, shown, substeps_for
+from sysid_bench.gap.place_forces import force_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.gap.traces import Trace
-from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.assembly import Assembly, assemble
-from sysid_bench.mechanics.effect import Effect, law_tapes
-from sysid_bench.mechanics.tape import join, over
 from sysid_bench.mechanics.trajectory import Trajectory, trajectory
 from sysid_bench.nouns import Array
 
@@ -53,56 +50,6 @@ def response(assembly: Assembly, omega: Array, output: str, channels: bool = Tru
     G = np.linalg.inv(assembly.M * s**2 + assembly.D * s + K)
     power = {"displacement": 0, "velocity": 1, "acceleration": 2}[output]
     return (assembly.C @ G if channels else G) * s**power
-
-
-def force_along(effect: Effect, x: Array, v: Array, h: float, t0: float) -> Array:
-    """(N,) force of an effect along a given motion of its place."""
-    return forces_along([effect], x, v, h, t0)[:, 0]
-
-
-def forces_along(effects: list[Effect], x: Array, v: Array, h: float, t0: float) -> Array:
-    """(N, len(effects)) forces of some effects at one place along a given motion of it."""
-    return forces_at([effects], x[:, None], v[:, None], h, t0)[0]
-
-
-def forces_at(effects: list[list[Effect]], x: Array, v: Array, h: float, t0: float) -> list[Array]:
-    """Per place (N, m): forces of its effects along its motion x, v (N, places); a kind with memory is one loop for all places."""
-    flat = [(p, effect) for p, these in enumerate(effects) for effect in these]
-    out, t = np.empty((len(flat), len(x))), t0 + h * np.arange(len(x))
-    x, v = np.ascontiguousarray(x.T), np.ascontiguousarray(v.T)
-    with_memory: dict[tuple, list[int]] = {}
-    for row, (p, effect) in enumerate(flat):
-        if effect.states:
-            with_memory.setdefault((type(effect), effect.numeric), []).append(row)
-        else:
-            given = [x[p], v[p], t, h, x[p], 0.0, *effect.values.tolist()]
-            out[row] = over(law_tapes(effect)[2], given)[0]
-    for rows in with_memory.values():
-        places = np.array([flat[row][0] for row in rows])
-        _remembered([flat[row][1] for row in rows], places, x, v, h, t0, np.array(rows), out)
-    ends = np.cumsum([0, *(len(these) for these in effects)])
-    return [out[first:last].T for first, last in pairwise(ends)]
-
-
-def _remembered(
-    alike: list[Effect],
-    places: np.ndarray,
-    x: Array,
-    v: Array,
-    h: float,
-    t0: float,
-    rows: np.ndarray,
-    out: Array,
-) -> None:
-    """Fill out[rows] with the forces of effects of one kind with states, each at its place; x, v (places, N)."""
-    force, states = law_tapes(alike[0])[2], alike[0].states
-    one = join([force])
-    cells = np.repeat(one.cells[:, None], len(alike), axis=1)
-    for k, effect in enumerate(alike):
-        own = np.concatenate([effect.at_rest(float(x[places[k], 0])), effect.values])
-        cells[stepping.HEAD : stepping.HEAD + len(own), k] = own
-    tape = (one.operations, force.steady, one.results, cells, states)
-    stepping.along(x, v, places, t0, h, *tape, rows, out)
 
 
 def smoothed(problem: Problem, trace: Trace, run: Trajectory | Moved) -> tuple[Array, Array, Array]:

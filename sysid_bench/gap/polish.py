@@ -15,7 +15,8 @@ from sysid_bench.gap.basis import thin
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.columns import actuated_difference, force_columns, mode_column
 from sysid_bench.gap.descent import free_parameters
-from sysid_bench.gap.motion import Seen, forces_along
+from sysid_bench.gap.motion import Seen
+from sysid_bench.gap.place_forces import forces_along
 from sysid_bench.gap.problem import Point, Problem
 from sysid_bench.mechanics.assembly import effect_channels
 from sysid_bench.mechanics.effect import POSITIVE, Effect, direction

@@ -5,34 +5,57 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import fft
 
+from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.problem import Problem, frequency_range
+from sysid_bench.gap.waves import wave, waves
 from sysid_bench.mechanics.effect import Seen
 from sysid_bench.nouns import Array
 
 MODULATIONS = 6  # lines tried: the strongest are not seldom those of the motion's own modes
+CERTAIN = (
+    12  # pitches whose response is worked out in full; the best of them are likely among the coarse best
+)
+
+
+class Unexplained:
+    """What is left of one trace, seen as adjoint forces and at the sensors: the same for every place."""
+
+    def __init__(self, problem: Problem, s: SeenMotion, left: np.ndarray):
+        self.s = s
+        self.force, self.residual = unexplained_force(problem, s, left)
+        self.tones: dict[int, list[float]] = {}
+
+    def heard(self, channel: int) -> list[float]:
+        """Hz of the loudest tone in a channel, beyond what the basis explains and as it stands; looked for once."""
+        if channel not in self.tones:
+            raw = self.s.trace.signal(self.s.left[:, channel])
+            top = self.s.trace.omega[-1]
+            both = (self.residual[:, channel], raw)
+            self.tones[channel] = [f for x in both for f in peaks(x, self.s.trace.h, 1, top)]
+        return self.tones[channel]
 
 
 class Search:
     """Values worth trying for a frequency or a pitch, read off the unexplained force at one place."""
 
-    def __init__(self, problem: Problem, s: SeenMotion, c: Array, force: Array, residual: Array, low, high):
-        self.problem, self.s, self.c, self.high, self.low = problem, s, c, high, low
-        self.force, self.residual = force @ c, residual
-        self.x, self.v = s.q @ c, s.v @ c
+    def __init__(self, problem: Problem, c: Array, unexplained: Unexplained, high: float):
+        self.problem, self.c, self.high = problem, c, high
+        self.s, self.unexplained = unexplained.s, unexplained
+        self.force = unexplained.force @ c
+        self.x, self.v = self.s.q @ c, self.s.v @ c
 
     def __call__(self, kind: str) -> list[float]:
         if kind == "pitch":
             return self._pitches()
+        h = self.s.trace.h
         if kind == "tone":
-            raw = self.s.trace.signal(self.s.left)
-            found = self._peaks(self.force, 2, self.s.trace.omega[-1])
+            found = peaks(self.force, h, 2, self.s.trace.omega[-1])
             for channel in self._listening():
-                found += self._peaks(self.residual[:, channel], 1, self.s.trace.omega[-1])
-                found += self._peaks(raw[:, channel], 1, self.s.trace.omega[-1])
+                found += self.unexplained.heard(channel)
             return sorted(set(found))
         carrier, count = (self.v, 3) if kind == "damping modulation" else (self.x, MODULATIONS)
-        return self._peaks(self.force * carrier, count, 2.2 * self.high)
+        return peaks(self.force * carrier, h, count, 2.2 * self.high)
 
     def _listening(self) -> list[int]:
         """Channels in which a tone at this place is heard: all of a few, else its own sensor, else the loudest."""
@@ -43,46 +66,49 @@ class Search:
         heard = own if own.max() > 0 else np.sum(np.abs(self.s.G[:, :, : len(c)] @ c) ** 2, axis=0)
         return [int(np.argmax(heard))]
 
-    def _peaks(self, x: Array, count: int, top: float) -> list[float]:
-        N = 4 * len(x)
-        power = np.abs(np.fft.rfft(x, N)) ** 2
-        omega = 2 * np.pi * np.fft.rfftfreq(N, self.s.trace.h)
-        last, found = int(np.searchsorted(omega, top)), []
-        for _ in range(count):
-            k = 3 + int(np.argmax(power[3:last]))
-            found.append(float(omega[k] / (2 * np.pi)))
-            power[max(k - 8, 0) : k + 9] = 0
-        return found
-
     def _pitches(self) -> list[float]:
-        """Largest |sum force exp(i k x)| against the size of its response."""
+        """Largest |sum force exp(i k x)| against the size of its response.
+
+        Sums of neighbours tell which are worth the whole transform: their spectrum is that of the wave but for what
+        lies beyond, which they damp.
+        """
         s, x = self.s, self.x
-        rms = max(x.std(), 1e-300)
+        F, rms = s.trace.F, max(x.std(), 1e-300)
         ks = np.concatenate([np.arange(1.2, 8, 0.2), np.arange(8, 24, 0.4)]) / rms
-        waves = _waves(ks, x)
         force = self.force / max(np.abs(self.force).max(), 1e-300)  # single precision ends at 1e38
-        match = np.abs(waves @ force.astype(np.float32)) ** 2
+        fold = int(np.clip(len(x) // (2 * F + 1), 1, 8))
         g = (s.G[:, :, : len(self.c)] @ self.c) * s.trace.weight
         energy = np.sum(np.abs(g) ** 2, axis=1)
-        size = np.abs(fft(waves, axis=1)[:, : s.trace.F]) ** 2 @ energy
-        best = np.argsort(-match / np.maximum(size, 1e-300))[:4]
-        return [float(2 * np.pi / ks[k]) for k in best]
+        match, sums = waves(ks, x, force, fold)
+        size = _power(fft(sums, axis=1)[:, :F]) @ (energy / _damped(F, len(x), fold))
+        likely = np.argsort(-match / np.maximum(size, 1e-300))[:CERTAIN]
+        if fold > 1:
+            size = _power(fft(wave(ks[likely], x), axis=1)[:, :F]) @ energy
+            likely = likely[np.argsort(-match[likely] / np.maximum(size, 1e-300))]
+        return [float(2 * np.pi / ks[k]) for k in likely[:4]]
 
 
-def _waves(ks: Array, x: Array) -> np.ndarray:
-    """(len(ks), N) exp(i k x), each from the one before: a product costs a tenth of an exponential.
+def _power(X: np.ndarray) -> Array:
+    return X.real**2 + X.imag**2
 
-    In single precision: they only rank pitches.
-    """
-    out = np.empty((len(ks), len(x)), dtype=np.complex64)
-    steps: dict[float, np.ndarray] = {}
-    out[0] = np.exp(1j * ks[0] * x)
-    for j, step in enumerate(np.diff(ks), start=1):
-        key = float(f"{step:.6g}")
-        if key not in steps:
-            steps[key] = np.exp(1j * step * x).astype(np.complex64)
-        np.multiply(out[j - 1], steps[key], out=out[j])
-    return out
+
+def _damped(F: int, N: int, fold: int) -> Array:
+    """(F,) share of the energy that the sums of `fold` neighbours keep in each bin, of sums as large as one sample."""
+    half = np.pi * np.arange(1, F) / N
+    return np.concatenate([[1.0], (np.sin(fold * half) / (fold * np.sin(half))) ** 2])
+
+
+def peaks(x: Array, h: float, count: int, top: float) -> list[float]:
+    """Hz of the strongest lines of x below top rad/s."""
+    N = 4 * len(x)
+    step = 2 * np.pi / (N * h)
+    last, found = min(int(np.ceil(top / step)), N // 2 + 1), []
+    power = _power(np.fft.rfft(x, N)[:last])
+    for _ in range(count):
+        k = 3 + int(np.argmax(power[3:]))
+        found.append(k / (N * h))
+        power[max(k - 8, 0) : k + 9] = 0
+    return found
 
 
 def sizes(problem: Problem, s: SeenMotion, c: Array, channel: int | None, search) -> Seen:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sysid_bench.gap.basis import Basis, stack
@@ -10,45 +12,47 @@ from sysid_bench.gap.columns import (
     actuated_difference,
     force_columns,
     held_otherwise,
-    mode_spectra,
+    mode_responses,
     plain_response,
     sensor_columns,
 )
 from sysid_bench.gap.decoys import DECOYS
-from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
-from sysid_bench.gap.motion import forces_at
+from sysid_bench.gap.place_forces import spectra_at
 from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem, frequency_range
-from sysid_bench.gap.search import Search, sizes
+from sysid_bench.gap.search import Search, Unexplained, sizes
 from sysid_bench.mechanics.assembly import effect_channels
-from sysid_bench.mechanics.effect import Suspect, direction
+from sysid_bench.mechanics.effect import Effect, Suspect, direction
 from sysid_bench.nouns import Array
 
 
 def at_places(problem: Problem, point: Point, seens, b: Basis, catalogue, worth: list) -> list[Shelf]:
     """The shelf of every place that moves."""
     n = problem.model.n
-    listed = [(place, _suspects(problem, point, seens[0], b, catalogue, place)) for place in worth]
+    unexplained = Unexplained(problem, seens[0], b.lefts[0])
+    listed = [(place, _suspects(problem, point, unexplained, catalogue, place)) for place in worth]
     listed = [(place, suspects) for place, suspects in listed if suspects]
     columns = [[column for one, _ in suspects for column in one.columns] for _, suspects in listed]
     C = np.array([direction(place, n) for place, _ in listed]).reshape(-1, n).T
-    forces = [forces_at(columns, s.q @ C, s.v @ C, s.trace.h, s.trace.t0) for s in seens]
+    spectra = [spectra_at(columns, s.q @ C, s.v @ C, s.trace) for s in seens]
+    modes = (
+        _modes(problem, seens, catalogue) if any(kind.name == "extra_mode" for kind in catalogue) else None
+    )
     return [
-        _shelf(problem, point, seens, b, catalogue, place, suspects, [each[k] for each in forces])
+        _shelf(point, seens, b, modes, place, suspects, [each[k] for each in spectra])
         for k, (place, suspects) in enumerate(listed)
     ]
 
 
 def _suspects(
-    problem: Problem, point: Point, first: SeenMotion, b: Basis, catalogue, place
+    problem: Problem, point: Point, unexplained: Unexplained, catalogue, place
 ) -> list[tuple[Suspect, bool]]:
     """What is suspected at a place, and whether no catalogue names it; nothing where the place does not move."""
-    c = direction(place, problem.model.n)
+    c, first = direction(place, problem.model.n), unexplained.s
     if float((first.q @ c).std()) == 0:
         return []
-    low, high = frequency_range(problem.model, first.trace)
-    search = Search(problem, first, c, *unexplained_force(problem, first, b.lefts[0]), low, high)
+    search = Search(problem, c, unexplained, frequency_range(problem.model, first.trace)[1])
     size = sizes(problem, first, c, None, search)
     taken = {(e.name, e.dof) for e in point.effects}
     suspects: list[tuple[Suspect, bool]] = []
@@ -60,24 +64,22 @@ def _suspects(
 
 
 def _shelf(
-    problem: Problem, point: Point, seens, b: Basis, catalogue, place, suspects, forces: list[Array]
+    point: Point, seens, b: Basis, modes: Modes | None, place, suspects, forces: list[np.ndarray]
 ) -> Shelf:
-    """forces: per trace (N, m), of the suspects' columns."""
-    c, groups, decoy, at = direction(place, problem.model.n), [], [], 0
+    """forces: per trace (m, F), spectra of the suspects' columns."""
+    c, groups, decoy, at = direction(place, seens[0].q.shape[1]), [], [], 0
     for one, is_decoy in suspects:
         width = len(one.columns)
         groups.append((at, at + width, one.make, max(width, free_count(one.columns[0]))))
         decoy.append(is_decoy)
         at += width
-    spectra = [s.trace.spectrum(f) for s, f in zip(seens, forces)]
+    spectra = [[one] for one in forces]
     known = ("extra_mode", place) in {(e.name, e.dof) for e in point.effects}
-    extra_mode = any(k.name == "extra_mode" for k in catalogue) and not known
-    if isinstance(place, int) and extra_mode:  # two at one DOF would follow any force of other DOFs
-        more, makes = _hidden_modes(problem, seens, c, place, catalogue)
-        spectra = [np.concatenate([one, two], axis=1) for one, two in zip(spectra, more)]
-        groups += [(at + k, at + k + 1, make, 3) for k, make in enumerate(makes)]
-        decoy += [False] * len(makes)
-    return shelved(b, place_rows(seens, c, spectra), groups, decoy)
+    if isinstance(place, int) and modes and not known:  # two at one DOF would follow any force of other DOFs
+        spectra = [[one, s.trace.spectrum(s.q @ c) * H] for s, one, H in zip(seens, forces, modes.responses)]
+        groups += [(at + k, at + k + 1, modes.maker(place, k), 3) for k in range(len(modes.zeta))]
+        decoy += [False] * len(modes.zeta)
+    return shelved(b, place_rows(seens, c, spectra, b.ridge), groups, decoy)
 
 
 def _not_here(name: str, place) -> bool:
@@ -85,8 +87,24 @@ def _not_here(name: str, place) -> bool:
     return isinstance(place, tuple) and name in ("constant_force", "periodic_disturbance")
 
 
-def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
-    """Spectra and makers of one more mode at a DOF, over a grid finer than the modes are wide."""
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Hidden masses of 1 kg: w0 rad/s, zeta (m,), per trace the responses (m, F) to a displacement of what carries them."""
+
+    kind: type[Effect]
+    w0: Array
+    zeta: Array
+    responses: list[np.ndarray]
+
+    def maker(self, place: int, k: int):
+        hertz, zeta = float(self.w0[k] / (2 * np.pi)), float(self.zeta[k])
+        return lambda c: (
+            self.kind(dof=place, mass=float(c[0]), frequency=hertz, damping_ratio=zeta) if c[0] > 0 else None
+        )
+
+
+def _modes(problem: Problem, seens, catalogue) -> Modes:
+    """One more mode at a DOF, over a grid finer than the modes are wide."""
     kind = next(k for k in catalogue if k.name == "extra_mode")
     low, high = frequency_range(problem.model, seens[0].trace)
     grid = [
@@ -94,17 +112,8 @@ def _hidden_modes(problem: Problem, seens, c: Array, place: int, catalogue):
         for zeta, spacing in ((0.02, 1.035), (0.08, 1.1))
         for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
     ]
-    w0, zeta = np.array([g[0] for g in grid]), np.array([g[1] for g in grid])
-    spectra = [mode_spectra(s, c, w0, zeta) for s in seens]
-
-    def maker(w, zeta):
-        return lambda k: (
-            kind(dof=place, mass=float(k[0]), frequency=float(w / (2 * np.pi)), damping_ratio=zeta)
-            if k[0] > 0
-            else None
-        )
-
-    return spectra, [maker(*g) for g in grid]
+    w0, zeta = np.array(grid).T
+    return Modes(kind, w0, zeta, [mode_responses(s.trace, w0, zeta) for s in seens])
 
 
 def couplings(problem: Problem, seens, b: Basis) -> Shelf | None:

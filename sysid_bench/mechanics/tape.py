@@ -7,6 +7,7 @@ tape. So an effect of the user's own runs as fast as the catalogue's, and nothin
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import casadi as ca
@@ -119,10 +120,33 @@ def join(tapes: list[Tape]) -> Joined:
 
 def over(one: Tape, given: list) -> list:
     """Outputs of a tape for whole arrays at once: given holds one array or number per input."""
-    cells: list = [*given, *one.constants.tolist(), *([0.0] * len(one.operations))]
-    for code, to, first, second in one.operations.tolist():
-        cells[to] = _ARRAY[code](cells[first], cells[second])
-    return [cells[k] for k in one.results.tolist()]
+    return next(over_each(one, [given]))
+
+
+def over_each(one: Tape, many: Iterable[list]) -> Iterator[list]:
+    """The same for one list of inputs after another: what depends on none that changed since the last is kept."""
+    cells: list = [*[None] * one.inputs, *one.constants.tolist(), *([0.0] * len(one.operations))]
+    operations, results = one.operations.tolist(), one.results.tolist()
+    changed = set(range(len(cells)))
+    for given in many:
+        changed.update(k for k, (now, last) in enumerate(zip(given, cells)) if not _same(now, last))
+        cells[: len(given)] = given
+        for code, to, first, second in operations:
+            if first in changed or second in changed:
+                cells[to] = _ARRAY[code](cells[first], cells[second])
+                changed.add(to)
+        yield [cells[k] for k in results]
+        changed.clear()
+
+
+def _same(now, last) -> bool:
+    return now is last or (isinstance(now, float) and isinstance(last, float) and now == last)
+
+
+def _if_else_zero(a, b):
+    if isinstance(a, float):  # a choice for the whole array
+        return b if a != 0 else 0.0
+    return np.where(a != 0, b, 0.0)
 
 
 _ARRAY = [
@@ -136,7 +160,7 @@ _ARRAY = [
         "NE": lambda a, b: 1.0 * (a != b), "NOT": lambda a, b: 1.0 * (a == 0), "AND": lambda a, b: 1.0 * ((a != 0) & (b != 0)),
         "OR": lambda a, b: 1.0 * ((a != 0) | (b != 0)), "FLOOR": lambda a, b: np.floor(a), "CEIL": lambda a, b: np.ceil(a),
         "FMOD": lambda a, b: np.fmod(a, b), "FABS": lambda a, b: np.abs(a), "SIGN": lambda a, b: np.sign(a),
-        "COPYSIGN": lambda a, b: np.copysign(a, b), "IF_ELSE_ZERO": lambda a, b: np.where(a != 0, b, 0.0),
+        "COPYSIGN": lambda a, b: np.copysign(a, b), "IF_ELSE_ZERO": _if_else_zero,
         "ERF": lambda a, b: np.vectorize(math.erf)(a), "FMIN": lambda a, b: np.minimum(a, b), "FMAX": lambda a, b: np.maximum(a, b),
         "INV": lambda a, b: 1.0 / a, "SINH": lambda a, b: np.sinh(a), "COSH": lambda a, b: np.cosh(a), "TANH": lambda a, b: np.tanh(a),
         "ATAN2": lambda a, b: np.arctan2(a, b), "HYPOT": lambda a, b: np.hypot(a, b), "LOG1P": lambda a, b: np.log1p(a),
