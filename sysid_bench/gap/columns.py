@@ -90,7 +90,7 @@ def actuated_difference(
     small, A = trace.h / run.substeps, run.assembly
     others = replace(A, actuators=tuple(e for e in A.actuators if e is not old))
     plain = actuated(others, trace.stages(run.substeps), small)
-    channels = effect_channels(new, A.L)
+    channels = effect_channels(new, A.L) or [0]  # one that it leaves as it is
     part = plain[:, :, channels] if len(channels) < A.L.shape[1] else plain  # the others stay as they are
     alone = replace(A, L=A.L[:, channels], actuators=())
     before = actuated(replace(alone, actuators=(old,)), part, small) if old else part

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sysid_bench.gap.basis import Basis, stack
@@ -12,18 +10,18 @@ from sysid_bench.gap.columns import (
     actuated_difference,
     force_columns,
     held_otherwise,
-    mode_responses,
     plain_response,
     sensor_columns,
 )
 from sysid_bench.gap.decoys import DECOYS
+from sysid_bench.gap.hidden_modes import Modes, hidden_modes
 from sysid_bench.gap.motion import Seen as SeenMotion
 from sysid_bench.gap.place_forces import spectra_at
 from sysid_bench.gap.place_rows import place_rows
 from sysid_bench.gap.problem import Point, Problem, frequency_range
 from sysid_bench.gap.search import Search, Unexplained, sizes
 from sysid_bench.mechanics.assembly import effect_channels
-from sysid_bench.mechanics.effect import Effect, Suspect, direction
+from sysid_bench.mechanics.effect import Suspect, direction
 from sysid_bench.nouns import Array
 
 
@@ -36,9 +34,7 @@ def at_places(problem: Problem, point: Point, seens, b: Basis, catalogue, worth:
     columns = [[column for one, _ in suspects for column in one.columns] for _, suspects in listed]
     C = np.array([direction(place, n) for place, _ in listed]).reshape(-1, n).T
     spectra = [spectra_at(columns, s.q @ C, s.v @ C, s.trace) for s in seens]
-    modes = (
-        _modes(problem, seens, catalogue) if any(kind.name == "extra_mode" for kind in catalogue) else None
-    )
+    modes = hidden_modes(problem, seens, catalogue)
     return [
         _shelf(point, seens, b, modes, place, suspects, [each[k] for each in spectra])
         for k, (place, suspects) in enumerate(listed)
@@ -85,35 +81,6 @@ def _shelf(
 def _not_here(name: str, place) -> bool:
     """Forces from outside act on one DOF."""
     return isinstance(place, tuple) and name in ("constant_force", "periodic_disturbance")
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Hidden masses of 1 kg: w0 rad/s, zeta (m,), per trace the responses (m, F) to a displacement of what carries them."""
-
-    kind: type[Effect]
-    w0: Array
-    zeta: Array
-    responses: list[np.ndarray]
-
-    def maker(self, place: int, k: int):
-        hertz, zeta = float(self.w0[k] / (2 * np.pi)), float(self.zeta[k])
-        return lambda c: (
-            self.kind(dof=place, mass=float(c[0]), frequency=hertz, damping_ratio=zeta) if c[0] > 0 else None
-        )
-
-
-def _modes(problem: Problem, seens, catalogue) -> Modes:
-    """One more mode at a DOF, over a grid finer than the modes are wide."""
-    kind = next(k for k in catalogue if k.name == "extra_mode")
-    low, high = frequency_range(problem.model, seens[0].trace)
-    grid = [
-        (w, zeta)
-        for zeta, spacing in ((0.02, 1.035), (0.08, 1.1))
-        for w in np.exp(np.arange(np.log(max(0.4 * low, 0.02 * high)), np.log(2.2 * high), np.log(spacing)))
-    ]
-    w0, zeta = np.array(grid).T
-    return Modes(kind, w0, zeta, [mode_responses(s.trace, w0, zeta) for s in seens])
 
 
 def couplings(problem: Problem, seens, b: Basis) -> Shelf | None:

@@ -13,8 +13,7 @@ def wave(ks: Array, x: Array) -> np.ndarray:
     """(nk, N) exp(i k x)"""
     turn = (ks[:, None] * x).astype(np.float32)
     out = np.empty(turn.shape, dtype=np.complex64)
-    np.cos(turn, out=out.real)
-    np.sin(turn, out=out.imag)
+    out.real, out.imag = np.cos(turn), np.sin(turn)
     return out
 
 
@@ -28,10 +27,10 @@ def waves(ks: Array, x: Array, force: Array, fold: int) -> tuple[Array, np.ndarr
         [float(f"{step:.6g}") for step in np.diff(ks, prepend=ks[0])], return_inverse=True
     )
     x, rest = x[:long].reshape(-1, fold).T.reshape(-1), x[long:]
-    first, turns = wave(ks[:1], x)[0], wave(steps, x)
+    first, turns = wave(ks[:1], x), wave(steps, x)
     beside = force[:long].reshape(-1, fold).T.astype(np.float32)
     sums, hits = np.zeros((2, len(ks), long // fold), np.float32), np.empty((2, len(ks)), np.float32)
-    now, turns = np.stack([first.real, first.imag]), np.stack([turns.real, turns.imag])
+    now, turns = np.concatenate([np.real(first), np.imag(first)]), np.stack([np.real(turns), np.imag(turns)])
     _waves(now, turns, which, beside, sums, hits)
     total = hits[0] + 1j * hits[1] + np.exp(1j * ks[:, None] * rest) @ force[long:]
     return np.abs(total) ** 2, sums[0] + 1j * sums[1]

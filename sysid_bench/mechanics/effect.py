@@ -123,7 +123,7 @@ class Effect:
     @cached_property
     def numeric(self) -> tuple[str, ...]:
         """Names of the parameters that are numbers."""
-        return tuple(key for key in self.knobs if not isinstance(getattr(self, key), str))
+        return tuple([key for key in self.knobs if not isinstance(getattr(self, key), str)])
 
     def value(self, key: str) -> float:
         """One numeric parameter."""

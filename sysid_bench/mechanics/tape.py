@@ -129,7 +129,9 @@ def over_each(one: Tape, many: Iterable[list]) -> Iterator[list]:
     operations, results = one.operations.tolist(), one.results.tolist()
     changed = set(range(len(cells)))
     for given in many:
-        changed.update(k for k, (now, last) in enumerate(zip(given, cells)) if not _same(now, last))
+        for k, (now, last) in enumerate(zip(given, cells)):
+            if now is not last and not (type(now) is type(last) is float and now == last):
+                changed.add(k)
         cells[: len(given)] = given
         for code, to, first, second in operations:
             if first in changed or second in changed:
@@ -137,10 +139,6 @@ def over_each(one: Tape, many: Iterable[list]) -> Iterator[list]:
                 changed.add(to)
         yield [cells[k] for k in results]
         changed.clear()
-
-
-def _same(now, last) -> bool:
-    return now is last or (isinstance(now, float) and isinstance(last, float) and now == last)
 
 
 def _if_else_zero(a, b):
