@@ -89,7 +89,7 @@ class Search:
 
 
 def _power(X: np.ndarray) -> Array:
-    return X.real**2 + X.imag**2
+    return np.real(X) ** 2 + np.imag(X) ** 2
 
 
 def _damped(F: int, N: int, fold: int) -> Array:
