@@ -61,6 +61,8 @@ def gap(folder, train, test, given=None, code=0):
 
 
 def named(values):
+    for effect in values["effects"]:  # std is there, null where a value was chosen or read off the data
+        assert all(set(p) == {"value", "std", "unit"} for p in effect["parameters"].values())
     return [(e["name"], e["dof"]) for e in values["effects"]]
 
 

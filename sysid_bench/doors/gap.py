@@ -138,7 +138,9 @@ def print_answer(values: dict[str, Any], out: Path) -> None:
     print(f"{values['verdict']}: {values['reason']}")
     for effect in values["effects"]:
         sizes = ", ".join(
-            f"{key} {p['value']:.4g}" + (f" ± {2 * p['std']:.2g}" if "std" in p else "") + f" {p['unit']}"
+            f"{key} {p['value']:.4g}"
+            + (f" ± {2 * p['std']:.2g}" if p["std"] is not None else "")
+            + f" {p['unit']}"
             if not isinstance(p["value"], str)
             else f"{key} {p['value']}"
             for key, p in effect["parameters"].items()

@@ -18,8 +18,7 @@ def effect_values(answer: Answer, effect: Effect) -> dict[str, Any]:
     effects = list(answer.story.fit.point.effects)
     number = next((k for k, e in enumerate(effects) if e is effect), -1)  # -1: not fitted, no deviation
     for key, parameter in entry["parameters"].items():
-        if (number, key) in std:
-            parameter["std"] = std[number, key]
+        parameter["std"] = std.get((number, key))  # None: chosen or read off the data, not fitted
     apart, not_apart = rivals(answer, effect)
     return {
         **entry,

@@ -111,7 +111,8 @@ def words_of(values: Mapping[str, Any]) -> str:
         for key, p in effect["parameters"].items():
             value = p["value"] if isinstance(p["value"], str) else f"{p['value']:.4g}"
             lines.append(
-                f"    - {key} {value} {p['unit']}" + (f" ± {2 * p['std']:.2g}" if "std" in p else "")
+                f"    - {key} {value} {p['unit']}"
+                + (f" ± {2 * p['std']:.2g}" if p["std"] is not None else "")
             )
     shares = [
         ("as given", values["gap_before"]),
