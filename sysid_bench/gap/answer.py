@@ -22,7 +22,8 @@ OTHERWISE = 3.0  # times what the training records promise, from which the test 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """All that the workflow found. better: the model to go on with; added: its new effects, data faults included."""
+    """All that the workflow found. better: the model to go on with; added: its new effects, data faults included; noise (ny,):
+    variance on each test record."""
 
     verdict: Verdict
     problem: Problem
@@ -33,7 +34,7 @@ class Answer:
     nominal_rho: float
     before: list[Proof]
     after: list[Proof]
-    noise: Array
+    noise: list[Array]
     last_screen: Screen | None = None
     floor_found: str = "from the highest frequencies"
     judged: dict[str, list[OnForce]] | None = (
@@ -82,5 +83,8 @@ class Answer:
         """The noise floor on the test records, in the unit of the gap."""
         if self.judged:
             return float(np.mean([j.floor for j in self.judged["better"]]))
-        shares = [np.mean(self.noise / np.maximum(np.mean(p.trace.y**2, axis=0), 1e-300)) for p in self.after]
+        shares = [
+            np.mean(variance / np.maximum(np.mean(p.trace.y[p.trace.good] ** 2, axis=0), 1e-300))
+            for variance, p in zip(self.noise, self.after)
+        ]
         return float(np.sqrt(np.mean(shares)))

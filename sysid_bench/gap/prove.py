@@ -26,6 +26,14 @@ class Proof:
     predicted: Array
     gap: float
 
+    def noise(self, lattice: Array, omega_max: float) -> Array:
+        """(ny,) variance of the noise: the smaller of what the record shows itself and of what the run leaves; see noise_floor."""
+        heard = (self.trace.y, self.trace.y - self.predicted)
+        found = [
+            noise_floor(self.trace, x, lattice, omega_max).variance for x in heard if np.isfinite(x).all()
+        ]
+        return np.min(found, axis=0)
+
 
 def free_run_gap(y: Array, predicted: Array, good: np.ndarray) -> float:
     """sqrt of the mean over channels of mean((y - yhat)^2) / mean(y^2)."""

@@ -30,7 +30,7 @@ from sysid_bench.gap.prepare import (
     within_steps,
 )
 from sysid_bench.gap.price import DECOY_NAMES
-from sysid_bench.gap.problem import Problem, evaluate
+from sysid_bench.gap.problem import Problem, evaluate, frequency_range
 from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
@@ -104,9 +104,10 @@ def find_gap(
     last = _final_screen(problem, story, catalogue) if power else None
     judged = _on_the_force(problem, linear, given, better, test) if problem.on_force else None
     before, after = _proofs(problem, story, (given, better), test, judged)
-    floor = np.mean([t.variance for t in problem.traces], axis=0)
+    omega = max(frequency_range(problem.model, t)[1] for t in problem.traces)
+    noise = [p.noise(check.lattice, omega) for p in after]
     return Answer(
-        verdict, problem, check, story, better, added, nominal_rho, before, after, floor, last, floor_found, judged,
+        verdict, problem, check, story, better, added, nominal_rho, before, after, noise, last, floor_found, judged,
     )  # fmt: skip
 
 

@@ -61,7 +61,9 @@ def leftover(answer: Answer) -> list[tuple[Array, Array]]:
     """
     if answer.judged is None:
         proofs = (answer.before[0], answer.after[0])
-        return [(p.trace.t, p.trace.filled(p.trace.y - p.predicted) / np.sqrt(answer.noise)) for p in proofs]
+        return [
+            (p.trace.t, p.trace.filled(p.trace.y - p.predicted) / np.sqrt(answer.noise[0])) for p in proofs
+        ]
     found, weight = [], answer.problem.traces[0].weight[0]
     for one in (answer.judged["given"][0], answer.judged["better"][0]):
         inside = slice(int(1.5 * ENDS * len(one.t)) + 1, -int(1.5 * ENDS * len(one.t)) - 1)
