@@ -1,9 +1,9 @@
-"""How long the gap workflow takes on two records of 10 000 samples: median and worst per size, of cases with one effect and
-with two; the screening of all suspects, start-up, and the first compilation on a machine, which is kept (numba's cache beside
+"""How long the gap workflow takes on two records of 10 000 samples: median and worst per size, of each kind of case and of
+all together; the screening of all suspects, start-up, and the first compilation on a machine, which is kept (numba's cache beside
 the source, else in the user's cache folder). Processor seconds of one core: waiting does not count, but a
 busy neighbour on the same core slows each of them.
 
-python benchmarks/gap.py [cases per size and kind]     6 by default
+python benchmarks/gap.py [cases per size and kind]     6 by default; 0: start-up and screening alone
 """
 
 # ruff: noqa: E402
@@ -35,6 +35,7 @@ from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
 SAMPLES, FIRST_SEED = 10_000, 3000
+KINDS = ("single", "double", "none", "parameters", "unknown")
 AIMS = {"one": (2, 10), "three": (4, 20), "eight": (15, 60)}  # median, worst, s
 SCREENING = 0.3  # s, three DOFs
 START = (
@@ -108,13 +109,16 @@ def main() -> None:
     spent = [screening(train, model) for train, _, model in cases("three", "single", 4)]
     print(f"screening, three DOFs            {np.median(spent):6.2f} s (aim {SCREENING})")
     for size, (median, worst) in AIMS.items():
-        for kind in ("single", "double"):
-            times = [taken(*case) for case in cases(size, kind, count)]
-            print(
-                f"{size:6s}{kind} {count:3d} cases: median {np.median(times):6.2f} s (aim {median}), "
-                f"worst {max(times):6.2f} s (aim {worst})",
-                flush=True,
-            )
+        spent = []
+        for kind in KINDS if count else ():
+            spent += (times := [taken(*case) for case in cases(size, kind, count)])
+            print(f"{size:6s}{kind:11s}{told(times)}", flush=True)
+        if spent:
+            print(f"{size:6s}{'all':11s}{told(spent)} (aims {median}, {worst})", flush=True)
+
+
+def told(times: list[float]) -> str:
+    return f"{len(times):3d} cases: median {np.median(times):6.2f} s, worst {max(times):6.2f} s"
 
 
 if __name__ == "__main__":
