@@ -20,7 +20,7 @@ from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.pieces import as_wholes, in_pieces, wholes
+from sysid_bench.gap.pieces import as_wholes, in_pieces, lost, wholes
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
@@ -250,6 +250,19 @@ def test_a_motion_that_no_free_run_follows_is_followed_in_pieces(draw):
     where = where_values(SimpleNamespace(problem=parted, story=Story(near, near, [look])))
     assert len(where["share_by_tenth_of_record"]) == 10  # of the whole record, not of a piece
     assert sum(where["share_by_tenth_of_record"]) == pytest.approx(1)
+
+
+def test_a_band_of_eight_bins_is_looked_at_like_any_other(draw):
+    problem, _, _, _ = problem_and_screen(draw, 21, size="one", kind="none")
+    narrow = problem.on(tuple(banded(t, Floor(t.variance, np.zeros(1)), 0.0) for t in problem.traces))
+    assert narrow.traces[0].F == 8  # fewer than the bins that are averaged where the motion is smoothed
+    assert len(linear_fit(narrow).rows) == 16
+
+
+def test_names_that_leave_little_have_not_lost_the_motion():
+    linear, near, far = (SimpleNamespace(rho=rho) for rho in (4.0, 1.33, 2.5))
+    assert not lost("effect", near, linear) and lost("effect", far, linear)
+    assert lost("unknown", near, linear) and not lost("unknown", SimpleNamespace(rho=1.2), linear)
 
 
 def test_an_effect_that_the_rest_cannot_do_without_is_named_again_too(draw, monkeypatch):

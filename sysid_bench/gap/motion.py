@@ -70,11 +70,15 @@ def smoothed(problem: Problem, trace: Trace, run: Trajectory | Moved) -> tuple[A
 
 
 def _gain(trace: Trace, left: np.ndarray) -> Array:
-    kernel = np.ones(9) / 9
     power = np.abs(left * trace.weight) ** 2 / 2
-    even = np.convolve(np.ones(trace.F), kernel, "same")
-    S = np.column_stack([np.convolve(c, kernel, "same") / even for c in power.T])
+    S = np.column_stack([_averaged(c) for c in power.T]) / _averaged(np.ones(trace.F))[:, None]
     return np.maximum(0, 1 - 1.3 / np.maximum(S, 1e-12))
+
+
+def _averaged(power: Array) -> Array:
+    """(F,) mean over nine neighbouring bins, of all where there are fewer; zero beyond the ends."""
+    width = min(9, len(power))
+    return np.convolve(power, np.ones(width) / width, "same")
 
 
 def _inverted(problem: Problem, trace: Trace, left: np.ndarray, power: int) -> np.ndarray:
@@ -94,9 +98,7 @@ def _added(problem: Problem, trace: Trace, run: Trajectory, left: np.ndarray) ->
     G = response(run.assembly, trace.omega, "displacement", channels=False)[:, :own, :own]
     H = H[:, :, :own] * trace.weight[:, :, None]
     r = left * trace.weight
-    signal = np.convolve(
-        np.maximum(np.sum(np.abs(r) ** 2, 1) / r.shape[1] / 2 - 1, 0), np.ones(9) / 9, "same"
-    )
+    signal = _averaged(np.maximum(np.sum(np.abs(r) ** 2, 1) / r.shape[1] / 2 - 1, 0))
     gain = signal / np.maximum(np.einsum("fij,fij->f", H, H.conj()).real / r.shape[1], 1e-300)
     S = H @ H.conj().transpose(0, 2, 1) * gain[:, None, None] + 2 * np.eye(r.shape[1])
     force = gain[:, None, None] * H.conj().transpose(0, 2, 1) @ np.linalg.solve(S, r[:, :, None])

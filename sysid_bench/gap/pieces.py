@@ -23,15 +23,22 @@ SAMPLES = 30  # per state and one, that a piece has at least
 ENDS = 0.03  # of a record at either end, left out: what smooths a motion joins its end to its start
 SHARE_OF_BUDGET = 0.5  # of what the search on whole records has
 CLOSED, SHARE = 0.3, 1e-3  # rho beyond 1, and share of the linear gap, below which a story has closed it
-LEFT = 0.01  # share of the linear gap from which named effects have lost the motion
+LEFT, FLOORS = 0.01, 2.0  # share of the linear gap, and rho, above which named effects have lost the motion
 FIRST = (
     0.5  # of the gap, that the first effect must take in pieces: else what is missing is no law that is lost
 )
 
 
-def closes(fit: Fit, linear: Fit, share: float = SHARE) -> bool:
+def closes(fit: Fit, linear: Fit) -> bool:
     """True where a fit leaves next to nothing of what the refit without effects left."""
-    return fit.rho - 1 < max(CLOSED, share * (linear.rho - 1))
+    return fit.rho - 1 < max(CLOSED, SHARE * (linear.rho - 1))
+
+
+def lost(word: str, fit: Fit, linear: Fit) -> bool:
+    """True where a verdict may be so because no free run follows the motion: nothing is named, or names leave much."""
+    if word == "unknown":
+        return not closes(fit, linear)
+    return fit.rho > FLOORS and fit.rho - 1 > LEFT * (linear.rho - 1)
 
 
 def in_pieces(problem: Problem, linear: Fit) -> Problem | None:

@@ -20,7 +20,7 @@ from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, judge_on_force, with_offset
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.pieces import FIRST, LEFT, SHARE, closes, in_pieces
+from sysid_bench.gap.pieces import FIRST, closes, in_pieces, lost
 from sysid_bench.gap.prepare import (
     lower_floor,
     nominal_rho_of,
@@ -92,8 +92,7 @@ def find_gap(
     ):
         story = Story(linear, linear)  # the fault of the data is all that the records show
         verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
-    lost = not closes(story.fit, linear, SHARE if verdict.word == "unknown" else LEFT)
-    if lost and not (faults or problem.on_force):
+    if lost(verdict.word, story.fit, linear) and not (faults or problem.on_force):
         parted = _told_in_pieces(problem, linear, catalogue, rules, tell)
         said = verdict if parted is None else decide(*parted, nominal_rho, len(faults), thresholds)
         if parted is not None and said.word == "effect":
