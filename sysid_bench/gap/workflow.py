@@ -60,16 +60,7 @@ def find_gap(
     own: effect classes of the user's, tried beside the catalogue. Raises InputError where records and model do not fit.
     """
     rules, thresholds = rules or Rules(), thresholds or Thresholds()
-    if not model.has_values:
-        raise InputError("the gap workflow needs a model with mass, damping and stiffness values.")
-    if not (is_compiled(stepping.run) and is_compiled(tangents)):
-        tell(f"compiling the simulation, once per machine: some {SECONDS} seconds")
-    for records, role in ((train, "train"), (test, "test")):
-        refuse_too_long(records, role, model.n)
-        refuse_unusable(records, role)
-    check = check_data(train)
-    for remark in check.remarks:
-        tell(remark)
+    check = _checked(train, test, model, tell)
     given = model
     model, faults = with_faults(with_offset(model), check)
     problem, nominal_rho, floor_found = prepared(train, model, check)
@@ -108,6 +99,21 @@ def find_gap(
     return Answer(
         verdict, problem, check, story, better, added, nominal_rho, before, after, noise, last, floor_found, judged,
     )  # fmt: skip
+
+
+def _checked(train: list[Record], test: list[Record], model: Model, tell) -> DataCheck:
+    """What the training records' data are like. Raises InputError where records or model cannot be judged."""
+    if not model.has_values:
+        raise InputError("the gap workflow needs a model with mass, damping and stiffness values.")
+    if not (is_compiled(stepping.run) and is_compiled(tangents)):
+        tell(f"compiling the simulation, once per machine: some {SECONDS} seconds")
+    for records, role in ((train, "train"), (test, "test")):
+        refuse_too_long(records, role, model.n)
+        refuse_unusable(records, role)
+    check = check_data(train)
+    for remark in check.remarks:
+        tell(remark)
+    return check
 
 
 def _searched(
