@@ -83,7 +83,7 @@ def decide(
         first = problem.traces[0]
         told = f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
         if first.part_of is not None:
-            told += f" in pieces of {first.N * first.h:.3g} s; no free run follows the motion to its end"
+            told += f" in pieces of {first.N * first.h:.3g} s; on whole records no search found a free run that follows"
         return Verdict("effect", told)
     if now.rho > thresholds.bare_rho and not _small(problem, now):
         return Verdict(

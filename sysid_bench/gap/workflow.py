@@ -142,7 +142,7 @@ def _told_in_pieces(
     linear = linear_fit(parted) if parted is not None else None
     if parted is None or linear is None:
         return None
-    tell(f"no free run follows the motion to its end: looked at in {len(parted.traces)} pieces")
+    tell(f"no free run found that follows the motion: looked at in {len(parted.traces)} pieces")
     story = _chosen(parted, linear, catalogue, replace(rules, first_share=FIRST), tell)
     if story.ends_unnamed or not story.rounds or not closes(story.fit, linear):
         return None
