@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid_bench.gap.sensitivity import derivatives, variables
+from sysid_bench.gap.sensitivity import Variables, derivatives, variables
 from sysid_bench.gap.traces import Trace
 from sysid_bench.mechanics.assembly import Assembly, assemble, measured, sensor_channels
 from sysid_bench.mechanics.effect import Effect, as_effects
@@ -84,19 +84,20 @@ def keep_rows(problem: Problem, assembly: Assembly) -> Array:
 
 
 def free_run_jacobian(problem: Problem, point: Point, runs, parameters) -> Array:
-    n, nt, blocks = problem.model.n, len(problem.entries), []
-    starts = 2 * n
+    first, starts = len(problem.entries) + len(parameters), 2 * problem.model.n
+    J, at = np.zeros((problem.rows, first + starts * len(runs))), 0
     for k, (trace, one) in enumerate(zip(problem.traces, runs)):
-        J = _trace_jacobian(problem, point, trace, one, parameters, point.starts[k])
-        block = np.zeros((len(J), nt + len(parameters) + starts * len(runs)))
-        block[:, : nt + len(parameters)] = J[:, : nt + len(parameters)]
-        at = nt + len(parameters) + k * starts
-        block[:, at : at + starts] = J[:, nt + len(parameters) :]
-        blocks.append(block)
-    return np.concatenate(blocks)
+        rows = slice(at, at + 2 * trace.F * trace.y.shape[1])
+        begin = slice(first + k * starts, first + (k + 1) * starts)
+        _fill(J[rows, :first], J[rows, begin], problem, point, trace, one, parameters, point.starts[k])
+        at = rows.stop
+    return J
 
 
-def _trace_jacobian(problem: Problem, point: Point, trace: Trace, one: Trajectory, parameters, x0) -> Array:
+def _fill(
+    out: Array, of_start: Array, problem: Problem, point: Point, trace: Trace, one: Trajectory, parameters, x0
+) -> None:
+    """The rows of one trace: those of theta and the parameters into out, those of its start into of_start."""
     A, n, nt = one.assembly, problem.model.n, len(problem.entries)
     laws = [e for e in point.effects if e.path == "force"]
     offset = np.cumsum([0, *(len(e.values) for e in laws)])
@@ -113,36 +114,43 @@ def _trace_jacobian(problem: Problem, point: Point, trace: Trace, one: Trajector
     extra = [entry for entries in chain.values() for entry, _ in entries]
     states = [i if i < n else A.n + i - n for i in range(2 * n)]
     wanted = variables([*problem.entries, *extra], inner, states)
-    keep = keep_rows(problem, A)
-    d = derivatives(one, wanted, keep)
-    sensed = np.ones((trace.N, A.C.shape[0], 1))
-    for effect in A.sensors:
-        if effect.name == "sensor_scale":
-            sensed[:, sensor_channels(effect, A)] *= effect.value("factor")
-        if effect.name == "sensor_clipping":
-            ch = sensor_channels(effect, A)
-            sensed[:, ch] *= (np.abs(shown(problem, trace, one)[:, ch]) < effect.value("limit"))[:, :, None]
-    D = trace.spectrum(d * sensed)
-    if problem.model.output == "acceleration":
-        D = D * (1j * trace.omega)[:, None, None]
-    columns = np.empty((trace.F, D.shape[1], nt + len(parameters) + 2 * n), dtype=complex)
-    columns[:, :, :nt] = D[:, :, :nt] * problem.scale
-    columns[:, :, nt + len(parameters) :] = D[:, :, len(wanted) - 2 * n :]
+    rows = _derivative_rows(problem, trace, one, wanted)
+    out[:, :nt] = rows[:, :nt] * problem.scale
+    of_start[:] = rows[:, len(wanted) - 2 * n :]
     at_extra, at_inner = nt, nt + len(extra)
     for k, (e, p) in enumerate(parameters):
         effect = point.effects[e]
         if effect.path == "force":
-            columns[:, :, nt + k] = D[:, :, at_inner]
+            out[:, nt + k] = rows[:, at_inner]
             at_inner += 1
         elif effect.path == "structure":
-            total = 0
             for _, factor in chain[e, p]:
-                total = total + factor * D[:, :, at_extra]
+                out[:, nt + k] += factor * rows[:, at_extra]
                 at_extra += 1
-            columns[:, :, nt + k] = total
         else:
-            columns[:, :, nt + k] = _by_difference(problem, point, trace, one, e, p, x0)
-    return trace.rows(columns)
+            out[:, nt + k] = trace.rows(_by_difference(problem, point, trace, one, e, p, x0))
+
+
+def _derivative_rows(problem: Problem, trace: Trace, one: Trajectory, wanted: Variables) -> Array:
+    """(2 F ny, P) whitened rows of the derivative of what the sensors show with respect to each wanted variable."""
+    A = one.assembly
+    d = derivatives(one, wanted, keep_rows(problem, A))
+    for effect in A.sensors:
+        channels = sensor_channels(effect, A)
+        if effect.name == "sensor_scale":
+            d[channels] *= effect.value("factor")
+        if effect.name == "sensor_clipping":
+            d[channels] *= (np.abs(shown(problem, trace, one)[:, channels]) < effect.value("limit")).T[
+                :, None
+            ]
+    weight = (
+        trace.weight if problem.model.output != "acceleration" else trace.weight * 1j * trace.omega[:, None]
+    )
+    rows = np.empty((2, trace.F, len(d), len(wanted)))
+    for k, channel in enumerate(d):  # one after the other: what is transformed stays near
+        W = np.fft.rfft(channel)[:, : trace.F] * weight[:, k]
+        rows[0, :, k], rows[1, :, k] = W.real.T, W.imag.T
+    return rows.reshape(-1, len(wanted))
 
 
 def _structure_chain(

@@ -34,12 +34,12 @@ def variables(
 
 
 def derivatives(run: Trajectory, wanted: Variables, keep: Array) -> Array:
-    """(N, ny, P): derivative of keep (ny, 2n) [q; v] at the samples with respect to each wanted variable."""
+    """(ny, P, N): derivative of keep (ny, 2n) [q; v] at the samples with respect to each wanted variable."""
     A, step, laws = run.assembly, run.step, run.laws
     N = (len(run.X) - 1) // run.substeps + 1
     rest = [np.subtract(e.at_rest(1.0), e.at_rest(0.0)) for e in A.forces]
     follows = np.concatenate([*rest, np.zeros(0)])
-    out = np.empty((N, len(keep), len(wanted)))
+    out = np.empty((len(keep), len(wanted), N))
     G0, G1 = A.directions @ step.falling.T, A.directions @ step.rising.T
     tangents(
         step.Ad, G0, G1, step.falling, step.rising, A.directions, run.X, run.Z, run.accelerations(),

@@ -14,6 +14,7 @@ from sysid_bench.mechanics.compiled import UNCOUNTED
 from sysid_bench.mechanics.stepping import HEAD, law_at, place, prepare, reach, settle
 
 FAST = {"contract", "reassoc", "nsz"}
+BLOCK = 16  # samples that are put out together: each variable's own lie next to each other in memory
 
 
 @nb.njit(**UNCOUNTED, fastmath=FAST, forceinline=True)
@@ -179,7 +180,7 @@ def tangents(
 ):  # fmt: skip
     """Derivatives of the trajectory of `run`, all parameters at once; kind, row, column (P,) as above, entries first.
 
-    A (S, 2, n): acceleration at the start and end of each step; cells of the slopes' tapes. out (N, ny, P) =
+    A (S, 2, n): acceleration at the start and end of each step; cells of the slopes' tapes. out (ny, P, N) =
     keep (ny, nx) times the derivative at the N samples.
     """
     nx, (ne, n), nz, P = X.shape[1], C.shape, Z.shape[1], len(kind)
@@ -191,26 +192,38 @@ def tangents(
     jac, system = np.zeros((ne, len(results) + HEAD)), np.zeros((ne, ne))
     qb, wb, q, w = np.zeros(ne), np.zeros(ne), np.zeros(ne), np.zeros(ne)
     _start(kind, row, C, spans, follows, dX, dZ)
-    out[:] = 0.0
     _march(
         Ad, -G0.T.copy(), -G1.T.copy(), entries, arms, C, HX, HV, X, Z, A, operations, results, laws, cells, spans, t0, h,
         np.flatnonzero(kind == 3), row, keep, out,
-        np.zeros((2, 2, len(entries))), dX, dN, dF, dF1, dZ, dZ1, x, v, b, unused, jac, system, qb, wb, q, w,
+        np.zeros((BLOCK, len(keep), P)), np.zeros((2, 2, len(entries))), dX, dN, dF, dF1, dZ, dZ1, x, v, b, unused, jac, system, qb, wb, q, w,
     )  # fmt: skip
+
+
+@nb.njit(**UNCOUNTED, fastmath=FAST, forceinline=True)
+def _put_out(block, end, out):
+    """The block's samples, the last of which is before `end`, into out; the block is zero again."""
+    first = (end - 1) // BLOCK * BLOCK
+    for i in range(block.shape[1]):
+        for j in range(block.shape[2]):
+            for k in range(first, end):
+                out[i, j, k] = block[k - first, i, j]
+    block[:] = 0.0
 
 
 @nb.njit(**UNCOUNTED, fastmath=FAST)
 def _march(
     Ad, ahead, back, entries, arms, C, HX, HV, X, Z, A, operations, results, laws, cells, spans, t0, h, own, row, keep, out,
-    shown, dX, dN, dF, dF1, dZ, dZ1, x, v, b, unused, jac, system, qb, wb, q, w,
+    block, shown, dX, dN, dF, dF1, dZ, dZ1, x, v, b, unused, jac, system, qb, wb, q, w,
 ):  # fmt: skip
-    """All steps of the derivatives; from `shown` on arrays to work in (see stepping._steps)."""
+    """All steps of the derivatives; from `block` on arrays to work in (see stepping._steps)."""
     S, (nx, P), ne = len(X) - 1, dX.shape, len(C)
-    nsub = S // (out.shape[0] - 1)
+    nsub = S // (out.shape[2] - 1)
     settle(operations, laws, cells, HV, h)
     for k in range(S + 1):
         if k % nsub == 0:
-            _add_product(keep, dX, out[k // nsub])
+            _add_product(keep, dX, block[k // nsub % BLOCK])
+            if k == S or k // nsub % BLOCK == BLOCK - 1:
+                _put_out(block, k // nsub + 1, out)
         if k == S:
             break
         for i in range(nx):
