@@ -9,6 +9,7 @@ import pytest
 from sysid_bench.gap.held_out import is_sure
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
+from sysid_bench.views import gap_figures
 
 STUDY = Path(__file__).parent.parent / "experiments" / "measured_machines"
 sys.path.insert(0, str(STUDY))
@@ -91,7 +92,7 @@ def test_lost_samples_are_left_out(machine):
     assert answer.force_gaps["better"] < 0.25 * answer.force_gaps["refitted"]
 
 
-def coupled(rng, N=6000, friction=3.0, slack=0.0):
+def coupled(rng, N=6000, friction=3.0, slack=0.0, noise=1e-6):
     """Record of two masses on a spring, both seen and free to drift; the first is driven, the second rubs."""
     u, y = np.repeat(rng.standard_normal(N // 30), 30) * 12, np.zeros((N, 2))
     x, v = np.zeros(2), np.zeros(2)
@@ -103,7 +104,7 @@ def coupled(rng, N=6000, friction=3.0, slack=0.0):
         return np.array([force - link - 3.0 * v[0], link - rub - 3.0 * v[1]]) / np.array([2.0, 1.0])
 
     for i in range(N):
-        y[i] = x + 1e-6 * rng.standard_normal(2)
+        y[i] = x + noise * rng.standard_normal(2)
         for _ in range(FINE):
             v = v + H / FINE / 2 * acceleration(u[i])
             x = x + H / FINE * v
@@ -130,6 +131,18 @@ def test_slack_between_two_free_masses_is_no_stop():
     answer = find_gap(*([coupled(rng, friction=0.0, slack=0.002)] for _ in range(2)), CHAIN, power=False)
     assert [(e.name, e.dof) for e in answer.added] == [("dead_zone", (0, 1))]
     assert answer.added[0].gap == pytest.approx(0.002, rel=0.02)
+
+
+def test_a_drift_under_so_much_noise_that_it_drowns_the_force_is_judged_by_free_run():
+    rng = np.random.default_rng(5)
+    records = [[coupled(rng, friction=0.0, noise=0.01)] for _ in range(2)]
+    answer = find_gap(*records, CHAIN, power=False)
+    assert answer.judged is None
+    assert answer.verdict.word == "none" and not answer.added
+    records = [[coupled(rng, noise=0.01)] for _ in range(2)]
+    answer = find_gap(*records, CHAIN, power=False)
+    assert [(e.name, e.dof) for e in answer.added] == [("coulomb_friction", 1)]
+    assert answer.added[0].force == pytest.approx(3.0, rel=0.1)
 
 
 def two_masses(rng, N=4000, m=(2.0, 0.6), d=1.5, hertz=6.0):
@@ -167,3 +180,10 @@ def test_a_gain_that_one_stretch_makes_is_sure_only_where_it_is_large_and_harms_
     assert is_sure(once, left=200.0)
     assert not is_sure(once, left=1000.0)
     assert not is_sure(once - 2.0 * (np.arange(12) % 2), left=200.0)
+
+
+def test_a_record_of_few_times_is_drawn_over_time(monkeypatch):
+    t = np.linspace(0, 1, 40)
+    monkeypatch.setattr(gap_figures, "leftover", lambda answer: [(t, np.ones((40, 2)))] * 2)
+    drawn = gap_figures._over_time(answer=None)
+    assert drawn.count("<path") > 3 and "nan" not in drawn

@@ -12,12 +12,13 @@ import numpy as np
 
 from sysid_bench.effects import effect
 from sysid_bench.gap.inverse import PHASE, ForceProblem, fade, measured_motion, own_phases, rows_of
-from sysid_bench.gap.laps import force_floor
+from sysid_bench.gap.laps import SENSORS, force_floor
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.traces import SMOOTHING_BINS, Trace, trace_of, white_floor
 from sysid_bench.mechanics.effect import Effect, as_effects
 from sysid_bench.nouns import Array, Model, Record
 
+DROWNED = 0.05  # share of noise in the force, from which a free run tells more
 NOISY = 0.1  # share of noise in the force's power at which the band ends
 FIRST_PART = 0.25  # of a test record (and of what shows a phase): phases are fitted there, the gap is taken on the rest
 # A drifting position cannot tell these from an offset of the force, which is fitted from the start.
@@ -38,9 +39,15 @@ def floats(model: Model) -> bool:
     return bool(seen and np.linalg.eigvalsh(K)[0] <= 1e-9 * scale)
 
 
-def admissible(catalogue: list[type[Effect]], model: Model) -> list[type[Effect]]:
+def drowned(problem: ForceProblem, how: str) -> bool:
+    """True where the sensors' noise, differentiated twice, takes a share of the force that hides much: no lap shows less."""
+    given = [problem.rows_on(k, t.u @ problem.model.input_map.T) for k, t in enumerate(problem.traces)]
+    return how == SENSORS and float(np.mean(np.concatenate(given) ** 2)) < DROWNED**-2
+
+
+def admissible(catalogue: list[type[Effect]], problem: Problem) -> list[type[Effect]]:
     """The names that such records can carry."""
-    barred = DRIFTING | HOLDS | CUTTING if floats(model) else ONLY_FREE
+    barred = DRIFTING | HOLDS | CUTTING if problem.on_force else ONLY_FREE
     return [kind for kind in catalogue if kind.name not in barred]
 
 

@@ -10,6 +10,10 @@ from sysid_bench.nouns import Array
 
 ALIKE = 0.01  # two laps are the same motion where they differ by less than this share of its rms
 ENOUGH = 0.2  # of a record must be repeated
+LAPS, SENSORS = (
+    "from what differs between repeated laps",
+    "from the sensors' noise at the highest frequencies",
+)
 
 
 def force_floor(problem: ForceProblem, variances: list[Array]) -> tuple[Array, str]:
@@ -21,14 +25,14 @@ def force_floor(problem: ForceProblem, variances: list[Array]) -> tuple[Array, s
     parts += [_between_records(problem)]
     found = [p for p in parts if p is not None]
     if found:
-        return np.sqrt(np.mean(found, axis=0)), "from what differs between repeated laps"
+        return np.sqrt(np.mean(found, axis=0)), LAPS
     M = np.abs(problem.model.matrices[0])
     power = []
     for trace, variance in zip(problem.traces, variances):
         lever = np.sum(trace.omega**4) / (trace.N // 2 + 1)
         input_lattice = 1e-10 * np.mean(trace.u**2)  # what a drive's number format leaves at least
         power.append(lever * (M**2 @ variance) + input_lattice)
-    return np.sqrt(np.mean(power, axis=0)), "from the sensors' noise at the highest frequencies"
+    return np.sqrt(np.mean(power, axis=0)), SENSORS
 
 
 def lap_of(trace: Trace) -> int:

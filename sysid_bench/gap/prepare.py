@@ -10,7 +10,7 @@ from sysid_bench.effects import effect_class
 from sysid_bench.gap.check_data import DataCheck
 from sysid_bench.gap.colour import Floor, mean_floor
 from sysid_bench.gap.descent import Fit
-from sysid_bench.gap.force import floats, on_force
+from sysid_bench.gap.force import drowned, floats, on_force, with_offset
 from sysid_bench.gap.free_run import run, shown
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.problem import Problem, evaluate, frequency_range, problem_of
@@ -37,8 +37,9 @@ def prepared(records: list[Record], model: Model, check: DataCheck) -> tuple[Pro
     traces = tuple(traces)
     problem = problem_of(model, traces)
     if floats(model):
-        problem, how = on_force(problem, check.lattice)
-        return problem, nominal_rho_of(problem), how
+        forces, how = on_force(problem_of(with_offset(model), traces), check.lattice)
+        if not drowned(forces, how):
+            return forces, nominal_rho_of(forces), how
     omega = max(frequency_range(model, t)[1] for t in traces)
     noise = _floor(problem, check.lattice, omega)
     end = max(band_end(t, noise, omega) for t in traces)

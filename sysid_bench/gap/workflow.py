@@ -17,7 +17,7 @@ from sysid_bench.gap.choose_on_force import choose_on_force
 from sysid_bench.gap.decide import Thresholds, Verdict, decide
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.fineness import finer
-from sysid_bench.gap.force import OnForce, admissible, judge_on_force, with_offset
+from sysid_bench.gap.force import OnForce, admissible, judge_on_force
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.pieces import FIRST, closes, in_pieces, lost
@@ -62,7 +62,7 @@ def find_gap(
     rules, thresholds = rules or Rules(), thresholds or Thresholds()
     check = _checked(train, test, model, tell)
     given = model
-    model, faults = with_faults(with_offset(model), check)
+    model, faults = with_faults(model, check)
     problem, nominal_rho, floor_found = prepared(train, model, check)
     tell(f"the model as given leaves {nominal_rho:.4g} times the noise floor")
     linear = linear_fit(problem)
@@ -71,7 +71,7 @@ def find_gap(
     problem, linear = on_a_lower_floor(problem, linear, check)
     nominal_rho = nominal_rho_of(problem)
     tell(f"other M, D, K leave {linear.rho:.4g} times")
-    catalogue = admissible([effect_class(name) for name in names()], model) + list(own)
+    catalogue = admissible([effect_class(name) for name in names()], problem) + list(own)
     problem, linear, story = _searched(problem, linear, check, catalogue, rules, tell)
     nominal_rho = nominal_rho_of(problem)
     verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
@@ -88,7 +88,7 @@ def find_gap(
         said = verdict if parted is None else decide(*parted, nominal_rho, len(faults), thresholds)
         if parted is not None and said.word == "effect":
             (problem, story), verdict = parted, said
-    for effect in story.fit.point.effects[len(model.effects) :]:
+    for effect in story.fit.point.effects[len(problem.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
     last = _final_screen(problem, story, catalogue) if power else None
