@@ -164,6 +164,26 @@ def test_the_colour_of_noise_is_told(phi):
         assert found[0] == pytest.approx(1.0, rel=0.15) and found[1] == pytest.approx(phi, abs=0.04)
 
 
+def test_a_strong_colour_is_told_by_the_frequencies_of_the_plant_too():
+    """A slope far up hardly tells phi = .94: the variance that it alone gives is off by half and more."""
+    from scipy.signal import lfilter
+
+    def told(seed: int) -> tuple[float, float]:
+        e = lfilter([np.sqrt(1 - 0.94**2)], [1, -0.94], np.random.default_rng(seed).normal(size=6000))
+        found = coloured(np.abs(np.fft.rfft(e * np.hanning(6000))) ** 2 / 6000 / 0.375, lowest=0.3)
+        assert found is not None
+        return found
+
+    variance, phi = np.transpose([told(seed) for seed in range(10)])
+    assert np.sqrt(np.mean(np.log(variance) ** 2)) < 0.35 and np.median(phi) == pytest.approx(0.94, abs=0.02)
+
+
+def test_white_noise_under_a_response_stays_white():
+    omega = np.linspace(1e-3, np.pi, 4000)
+    exponential = np.random.default_rng(0).exponential(size=len(omega))
+    assert coloured(exponential * (1e-3 / (0.01 + omega**2) + 1), lowest=0.3) is None
+
+
 def test_a_response_that_falls_off_is_no_noise():
     omega = np.linspace(1e-3, np.pi, 4000)
     exponential = np.random.default_rng(0).exponential(size=len(omega))

@@ -18,6 +18,7 @@ LINE = 10.0  # times the usual power: more is a line, not noise
 GRID = np.linspace(0, 0.95, 96)  # of phi
 LEAST = 0.15  # phi below which noise counts as white
 CLEARLY = 40.0  # log likelihood by which a sloping spectrum must beat a flat one; a window doubles it
+ALIKE = 5.0  # log likelihood that a colour may lack and still be likely
 LOWEST, LEVEL, SPREAD = 5, 0.25, 0.35  # of a fit: the lowest blocks and all blocks, in logarithms
 
 
@@ -52,21 +53,41 @@ def coloured(power: Array, lowest: float = 0.0) -> tuple[float, float] | None:
     """(variance, phi) of noise whose periodogram is `power` (bins 0..Nyquist); None where it is white, or no noise.
 
     The lowest start from which a first-order spectrum fits all that lies above: the further down noise is seen,
-    the surer its continuation. lowest: share of Nyquist below which the plant itself is heard.
+    the surer its continuation. lowest: share of Nyquist below which the plant itself is heard; there only such a
+    spectrum counts as is likely by what lies above alone, for a slope far up hardly tells a strong colour's size.
     """
-    for start in (s for s in STARTS if s >= min(lowest, STARTS[-1])):
-        found = _fitted(power, int(start * len(power)))
-        if found is not None:
-            variance, phi, gain = found
-            return (variance, phi) if phi >= LEAST and gain > CLEARLY else None
-    return None
+    lowest = min(lowest, STARTS[-1])
+    above = next(filter(None, (_fitted(power, s) for s in STARTS if s >= lowest)), None)
+    if above is None or above.phi < LEAST or above.gain < CLEARLY:
+        return None
+    below = filter(None, (_fitted(power, s) for s in STARTS if s < lowest))
+    best = next((b for b in below if above.allows(b.phi)), above)
+    return best.variance, best.phi
 
 
-def _fitted(power: Array, first: int) -> tuple[float, float, float] | None:
-    """(variance, phi, gain of likelihood over white) by Whittle's likelihood; None where the spectrum has another shape.
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A first-order spectrum, and its log likelihood at every phi of GRID."""
+
+    variance: float
+    phi: float
+    likelihood: Array
+
+    @property
+    def gain(self) -> float:
+        """Of likelihood over white."""
+        return self.likelihood.max() - self.likelihood[0]
+
+    def allows(self, phi: float) -> bool:
+        return self.likelihood.max() - self.likelihood[np.searchsorted(GRID, phi)] < ALIKE
+
+
+def _fitted(power: Array, start: float) -> _Fitted | None:
+    """By Whittle's likelihood, from `start` of Nyquist on; None where the spectrum has another shape.
 
     Lines are cut to what noise may show.
     """
+    first = int(start * len(power))
     count = (len(power) - 1 - first) // BLOCK
     if count < 8:
         return None
@@ -81,4 +102,4 @@ def _fitted(power: Array, first: int) -> tuple[float, float, float] | None:
     over = np.log(np.maximum((P / (sizes[best] * shapes[best])).reshape(count, BLOCK).mean(axis=1), 1e-300))
     if abs(over[:LOWEST].mean()) > LEVEL or over.std() > SPREAD:
         return None  # a response that falls off, not noise
-    return float(sizes[best]), float(GRID[best]), float(likelihood[best] - likelihood[0])
+    return _Fitted(float(sizes[best]), float(GRID[best]), likelihood)
