@@ -18,9 +18,10 @@ from sysid_bench.gap.colour import Floor
 from sysid_bench.gap.contend import Arena, kindred, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import polished_screen
+from sysid_bench.gap.lost import lost
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
-from sysid_bench.gap.pieces import as_wholes, in_pieces, lost, wholes
+from sysid_bench.gap.pieces import as_wholes, in_pieces, wholes
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest

@@ -84,6 +84,8 @@ def decide(
         told = f"the gap falls from {story.linear.rho:.3g} to {now.rho:.3g} times the noise floor"
         if first.part_of is not None:
             told += f" in pieces of {first.N * first.h:.3g} s; on whole records no search found a free run that follows"
+        if problem.held:
+            told += " held near the measured motion by springs and dampers; no search found a free run that follows"
         return Verdict("effect", told)
     if now.rho > thresholds.bare_rho and not _small(problem, now):
         return Verdict(
@@ -113,6 +115,9 @@ def _bent(problem: Problem, story: Story) -> bool:
     """True where the effects named bend M, D, K much farther than a refit without them: shapes that only help to follow it."""
     if problem.on_force:
         return False
+    if problem.held:  # of damping nothing is said: a friction trades with it
+        far = np.abs(story.fit.point.theta / problem.prior) >= problem.reach
+        return any(end and m != 1 for end, (m, _, _) in zip(far, problem.entries))
     return bend(problem, story.fit) > max(BENT, BENT_BESIDE * bend(problem, story.linear))
 
 

@@ -79,6 +79,11 @@ class Place:
             H, g = J.T @ J, J.T @ self.rows
         H[np.arange(nt), np.arange(nt)] += weight * self.prior**-2
         g[:nt] -= weight * point.theta / self.prior**2
+        stopped = np.flatnonzero(
+            (point.theta * g[:nt] > 0) & (np.abs(point.theta / self.problem.prior) >= self.problem.reach)
+        )
+        H[stopped, :], H[:, stopped], g[stopped] = 0, 0, 0
+        H[stopped, stopped] = 1
         return H, g
 
     def after(self, step: Array) -> Place | None:
@@ -103,6 +108,7 @@ def fit(
     parameters: (effect, parameter) pairs that are free; enough: energy above which it is of no use: given up where as many
     gains like the last as there are steps left do not reach it. None where the start cannot be simulated.
     """
+    start = replace(start, theta=problem.within_reach(start.theta))
     found = evaluate(problem, start)
     if found is None:
         return None
@@ -190,7 +196,8 @@ def moved_point(problem: Problem, point: Point, parameters, step: Array) -> Poin
             values[e][p] += s
     effects = tuple(x.with_values(v) if len(v) else x for x, v in zip(point.effects, values))
     tail = step[nt + len(parameters) :].reshape(-1, 2 * n)
-    return Point(point.theta + step[:nt], effects, tuple(x + s for x, s in zip(point.starts, tail)))
+    theta = problem.within_reach(point.theta + step[:nt])
+    return Point(theta, effects, tuple(x + s for x, s in zip(point.starts, tail)))
 
 
 def free_parameters(effects: tuple[Effect, ...]) -> tuple[tuple[int, int], ...]:

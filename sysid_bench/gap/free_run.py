@@ -38,9 +38,8 @@ def hold_of(effects: tuple[Effect, ...], trace: Trace) -> str:
 
 def run(problem: Problem, trace: Trace, model: Model, x0: Array) -> Trajectory:
     """Free run of one model on one trace."""
-    quick = problem.quick or trace.pull is not None  # only on the way: one step per sample will do
     effects = as_effects(model.effects)
-    substeps = 1 if quick else problem.fineness * substeps_for(effects, model.n)
+    substeps = 1 if problem.quick else problem.fineness * substeps_for(effects, model.n)
     stages = trace.stages(substeps, hold_of(effects, trace))
     return trajectory(assemble(model), stages, trace.h, substeps, x0, trace.t0, trace.pulls(substeps))
 

@@ -128,9 +128,8 @@ def seen(problem: Problem, point: Point, trace: Trace, run: Trajectory, x0: Arra
     A = linearised(problem, point, q, v, trace)
     A = _stabilised(problem, A)
     substeps = substeps_for(point.effects, problem.model.n)
-    linear = trajectory(
-        A, trace.stages(substeps, hold_of(point.effects, trace)), trace.h, substeps, x0, trace.t0
-    )
+    stages = trace.stages(substeps, hold_of(point.effects, trace))
+    linear = trajectory(A, stages, trace.h, substeps, x0, trace.t0, trace.pulls(substeps))
     left = trace.spectrum(trace.filled(trace.y - shown(problem, trace, linear)))
     return Seen(trace, q, v, a, response(A, trace.omega, problem.model.output), left, linear)
 

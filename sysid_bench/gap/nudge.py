@@ -13,19 +13,29 @@ import numpy as np
 
 from sysid_bench.gap.motion import Seen
 from sysid_bench.gap.problem import Problem
+from sysid_bench.mechanics.effect import as_effects
 from sysid_bench.nouns import Array, Model
 
 SHARES = (1.0, 0.1)  # springs as strong as the plant's own, then a tenth: on the way to a free run
+HELD = 0.3  # the same, to search where no free run follows
 DAMPING = 0.7  # of critical, of the dampers beside the springs
 
 
 def leads(problem: Problem, seens: list[Seen]) -> tuple[Problem, ...]:
     """Problems held ever less near the smoothed motion; none where that motion is not measured itself, nor of pieces."""
     known = _measured(problem.model)
-    sensed = any(e.path in ("sensor", "timing") for e in problem.model.effects)
-    if sensed or not known.any() or any(t.part_of for t in problem.traces):
+    if not known.any() or problem.held or any(t.part_of for t in problem.traces):
         return ()
-    return tuple(nudged(problem, seens, share * known) for share in SHARES)
+    return tuple(replace(nudged(problem, seens, share * known), quick=True) for share in SHARES)
+
+
+def held_near(problem: Problem, seens: list[Seen]) -> Problem | None:
+    """The problem held near the smoothed motion, to be searched there; None where not all of that is measured itself.
+
+    M, D, K stay within a prior of the nominal: a plant that weighs nothing follows any motion that it is held to.
+    """
+    known = _measured(problem.model)
+    return replace(nudged(problem, seens, HELD * known), reach=1.0) if known.all() else None
 
 
 def nudged(problem: Problem, seens: list[Seen], share: Array) -> Problem:
@@ -43,6 +53,8 @@ def nudged(problem: Problem, seens: list[Seen], share: Array) -> Problem:
 
 
 def _measured(model: Model) -> Array:
-    """(n,) 1 where a sensor sees the DOF and nothing else."""
+    """(n,) 1 where a sensor sees the DOF and nothing else; 0 where a sensor's own fault is modelled."""
+    if any(e.path in ("sensor", "timing") for e in as_effects(model.effects)):
+        return np.zeros(model.n)
     C = model.output_map != 0
     return np.any(C & (C.sum(axis=1) == 1)[:, None], axis=0).astype(float)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.motion import smoothed
-from sysid_bench.gap.problem import Budget, Problem, budget_of, evaluate, frequency_range
+from sysid_bench.gap.problem import Problem, evaluate, frequency_range
 from sysid_bench.gap.traces import Trace
 from sysid_bench.nouns import Array
 
@@ -21,12 +21,7 @@ MOST, LEAST = 20, 4  # pieces of a record
 PERIODS = 2.5  # of the slowest mode, that a piece lasts at least
 SAMPLES = 30  # per state and one, that a piece has at least
 ENDS = 0.03  # of a record at either end, left out: what smooths a motion joins its end to its start
-SHARE_OF_BUDGET = 0.1  # of what the search on whole records has: many starts of their own take as long again
 CLOSED, SHARE = 0.3, 1e-3  # rho beyond 1, and share of the linear gap, below which a story has closed it
-LEFT, FLOORS = 0.01, 2.0  # share of the linear gap, and rho, above which named effects have lost the motion
-FIRST = (
-    0.5  # of the gap, that the first effect must take in pieces: else what is missing is no law that is lost
-)
 
 
 def closes(fit: Fit, linear: Fit) -> bool:
@@ -34,23 +29,15 @@ def closes(fit: Fit, linear: Fit) -> bool:
     return fit.rho - 1 < max(CLOSED, SHARE * (linear.rho - 1))
 
 
-def lost(word: str, fit: Fit, linear: Fit) -> bool:
-    """True where a verdict may be so because no free run follows the motion: nothing is named, or names leave much."""
-    if word == "unknown":
-        return not closes(fit, linear)
-    return fit.rho > FLOORS and fit.rho - 1 > LEFT * (linear.rho - 1)
-
-
 def in_pieces(problem: Problem, linear: Fit) -> Problem | None:
-    """The problem on pieces of its records, with a budget of its own; None where they are too short for that."""
+    """The problem on pieces of its records; None where they are too short for that."""
     found: list[Trace] = []
     for trace, run in zip(problem.traces, linear.runs):
         q, v, _ = smoothed(problem, trace, run)
         found += _pieces(problem, trace, np.hstack([q, v]))
     if len(found) < LEAST * len(problem.traces):
         return None
-    budget = Budget(SHARE_OF_BUDGET * budget_of(problem.model.n, sum(one.N for one in found)).left)
-    return replace(problem, traces=tuple(found), budget=budget)
+    return problem.on(tuple(found))
 
 
 def as_wholes(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:

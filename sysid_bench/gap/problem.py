@@ -68,7 +68,7 @@ class Problem:
     """The nominal model, which of its entries may move, and the traces to fit.
 
     entries (matrix 0|1|2, row, column); scale (ntheta,) size of each entry in SI; fineness: times the usual number of
-    steps between samples; quick: one alone, to compare what lies far apart
+    steps between samples; quick: one alone, to compare what lies far apart; reach: how far theta may go, in priors
     """
 
     model: Model
@@ -77,6 +77,7 @@ class Problem:
     scale: Array
     fineness: int = field(default=1, kw_only=True)
     quick: bool = field(default=False, kw_only=True)
+    reach: float = field(default=np.inf, kw_only=True)
     budget: Budget = field(default_factory=Budget, kw_only=True)
 
     @property
@@ -86,6 +87,15 @@ class Problem:
     @property
     def rows(self) -> int:
         return sum(2 * t.F * t.y.shape[1] for t in self.traces)
+
+    def within_reach(self, theta: Array) -> Array:
+        """theta, brought back to where it may go."""
+        return np.clip(theta, -self.reach * self.prior, self.reach * self.prior)
+
+    @property
+    def held(self) -> bool:
+        """True where the simulation is held near a measured motion."""
+        return any(t.pull is not None for t in self.traces)
 
     def matrices(self, theta: Array) -> tuple[Array, Array, Array]:
         """M, D, K at theta."""

@@ -46,8 +46,11 @@ def screen(
     shelves: list[Shelf | None] = [*at_places(problem, fit.point, seens, b, catalogue, worth)]
     if any(k.name == "missing_coupling" for k in catalogue):
         shelves.append(couplings(problem, seens, b))
-    shelves.append(on_the_input(problem, fit.point, seens, b, catalogue))
-    shelves.append(on_the_sensors(problem, seens, b, catalogue))
+    if (
+        not problem.held
+    ):  # to what a sensor says: that motion cannot tell it wrong, and needs little of a drive
+        shelves.append(on_the_input(problem, fit.point, seens, b, catalogue))
+        shelves.append(on_the_sensors(problem, seens, b, catalogue))
     filled = [x for x in shelves if x is not None]
     found = [x for one in filled for x in judged(problem, b, one)]
     found = [x for x in found if (x.effect.name, x.place) not in absent]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, judge_on_force
 from sysid_bench.gap.force_screen import screen_on_force
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.pieces import FIRST, closes, in_pieces, lost
+from sysid_bench.gap.lost import FIRST, lost, told_anew
 from sysid_bench.gap.prepare import (
     lower_floor,
     nominal_rho_of,
@@ -84,10 +85,11 @@ def find_gap(
         story = Story(linear, linear)  # the fault of the data is all that the records show
         verdict = decide(problem, story, nominal_rho, len(faults), thresholds)
     if lost(verdict.word, story.fit, linear) and not (faults or problem.on_force):
-        parted = _told_in_pieces(problem, linear, catalogue, rules, tell)
-        said = verdict if parted is None else decide(*parted, nominal_rho, len(faults), thresholds)
-        if parted is not None and said.word == "effect":
-            (problem, story), verdict = parted, said
+        near = replace(rules, first_share=FIRST)
+        choose = partial(_chosen, catalogue=catalogue, rules=near, tell=tell)
+        judge = partial(decide, nominal_rho=nominal_rho, faults=0, thresholds=thresholds)
+        told = told_anew(problem, linear, choose, judge, tell)
+        problem, story, verdict = told or (problem, story, verdict)
     for effect in story.fit.point.effects[len(problem.effects) :]:
         tell(f"with {effect.name} at {effect.dof}: {story.fit.rho:.4g} times")
     better, added = better_model(problem, story, verdict, faults)
@@ -132,21 +134,6 @@ def _searched(
             "the search ended early: its budget of simulated steps is spent; what follows is the best answer so far"
         )
     return problem, linear, story
-
-
-def _told_in_pieces(
-    problem: Problem, whole: Fit, catalogue, rules: Rules, tell
-) -> tuple[Problem, Story] | None:
-    """Pieces of the records and the story that they tell; None where they tell of no named effects that close the gap."""
-    parted = in_pieces(problem, whole)
-    linear = linear_fit(parted) if parted is not None else None
-    if parted is None or linear is None:
-        return None
-    tell(f"no free run found that follows the motion: looked at in {len(parted.traces)} pieces")
-    story = _chosen(parted, linear, catalogue, replace(rules, first_share=FIRST), tell)
-    if story.ends_unnamed or not story.rounds or not closes(story.fit, linear):
-        return None
-    return parted, story
 
 
 def _lost(problem: Problem, first: Fit, later: Fit) -> bool:
