@@ -17,7 +17,7 @@ from sysid_bench.gap.again import is_it, pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.contend import Arena, best_start, kindred, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.finalists import polished_screen, relatives, shortlist
+from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
 from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
 from sysid_bench.gap.nudge import leads
@@ -35,7 +35,10 @@ NEAR = 1.5  # times the best pair's rho: other frictions are tried in place of o
 LIKE = 1.2  # times what a pair leaves that closes the gap: the screen does not tell them apart
 NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
 KEPT = 0.4  # of the budget, for pairs and later effects
+NEARLY_ALL = 0.01  # share of the linear gap below which a story told otherwise is believed
 SEEN = 1.5  # rho from which even such a share is looked into, beside a single effect
+ZERO_OFF = ("sensor_bias", "sensor_drift")
+ZERO_OFF_TAKES = 0.1  # of what a refit leaves, from which they are tried first
 CLEAN = 1.2  # rho at which an explanation is complete
 
 
@@ -48,7 +51,14 @@ def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, r
     if first:
         return gain > max(noticeable(R), rules.first_share * left)
     clean = closes(after, linear) and gain > 0.7 * left and gain > 5 * np.sqrt(2 * R)
+    clean = clean and not _reshapes(after.point.effects)
     return gain > rules.second_share * max(left, 0) and (gain > rules.practical * linear_gap or clean)
+
+
+def _reshapes(effects: tuple[Effect, ...]) -> bool:
+    """True where the last is a friction beside another one at its place: by little, it only mends the shape of the first's law."""
+    *earlier, last = effects
+    return last.name in FRICTION and any(e.name in FRICTION and e.dof == last.dof for e in earlier)
 
 
 def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: Rules | None = None) -> Story:
@@ -59,15 +69,32 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     first = first_look(problem, linear, catalogue, rules, linear_gap)
     problem.budget.keep(0.0)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
+    left = story.fit.rss - len(story.fit.rows)
+    if left < UNCLEAN * linear_gap and not story.ends_unnamed:
+        return story
+    for round_ in _other_firsts(problem, first, linear_gap):
+        other = _told(problem, Story(linear, linear), round_, catalogue, rules)
+        if other.fit.rho - 1 < max(0.3, NEARLY_ALL * (linear.rho - 1)) and not other.ends_unnamed:
+            return other
+    return story
+
+
+def _other_firsts(problem: Problem, first: Round, linear_gap: float) -> Iterator[Round]:
+    """What else may come first where the cheapest leads to no explanation."""
     shape = first.chosen
-    if shape is None or not shape.is_decoy or (shape.fit.rss - len(shape.fit.rows)) < UNCLEAN * linear_gap:
-        return story
-    # No single force explains it: an unnamed shape may stand for the sum of two named ones.
-    named = next((c for c in first.contenders if not c.is_decoy), None)
-    if named is None:
-        return story
-    other = _told(problem, Story(linear, linear), replace(first, chosen=named), catalogue, rules)
-    return other if other.fit.rho < 1.3 and not other.ends_unnamed else story
+    if shape is not None and shape.is_decoy and shape.fit.rss - len(shape.fit.rows) > UNCLEAN * linear_gap:
+        # No single force explains it: an unnamed shape may stand for the sum of two named ones.
+        yield from [replace(first, chosen=c) for c in first.contenders if not c.is_decoy][:1]
+    if shape is not None and shape.effect.name in ZERO_OFF:
+        return
+    # A sensor whose zero is off shows a motion that was not: along it no force is what it is.
+    arena = Arena(problem, first.before)
+    for c in first.screen.candidates:
+        if c.effect.name in ZERO_OFF and c.explained > ZERO_OFF_TAKES * first.screen.left:
+            one = refine(arena, c, first.screen.promise(c.explained))
+            if one is not None:
+                yield replace(first, contenders=[one], chosen=one)
+            return
 
 
 def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules) -> Story:

@@ -93,7 +93,15 @@ def refine(
         for starts in (base.point.starts, arena.problem.begins)  # a fit without it bent its own to swallow it
     ]
     found = _descended(arena, choices, promised, iterations)
-    return arena.contender(found, candidate) if found is not None else None
+    if found is None or _too_slow(arena.problem, found.point.effects[-1]):
+        return None
+    return arena.contender(found, candidate)
+
+
+def _too_slow(problem: Problem, effect: Effect) -> bool:
+    """True for a tone that makes less than one turn in any record: a drift by another name."""
+    longest = max(t.N * t.h for t in problem.traces)
+    return effect.name == "periodic_disturbance" and effect.value("frequency") * longest < 1
 
 
 def alike(one: Effect, other: Effect) -> bool:

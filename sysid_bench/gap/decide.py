@@ -91,7 +91,7 @@ def decide(
         return Verdict(
             "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"
         )
-    moved = practical_moves(problem, now, thresholds) or moved_knobs(problem, now, thresholds)
+    moved = told_moves(problem, now, thresholds) or moved_knobs(problem, now, thresholds)
     if nominal_rho > thresholds.moved_rho * max(now.rho, 1) and moved:
         return Verdict(
             "parameters",
@@ -162,13 +162,18 @@ def moves(problem: Problem, fit: Fit) -> list[dict]:
     return out
 
 
-def practical_moves(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[int]:
+def told_moves(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[int]:
+    """Numbers of the entries to tell of. Few sensors may leave each alone uncertain where they close a gap together."""
+    return practical_moves(problem, fit, thresholds) or practical_moves(problem, fit, thresholds, 0.0)
+
+
+def practical_moves(problem: Problem, fit: Fit, thresholds: Thresholds, errors: float = 4.0) -> list[int]:
     """Numbers of the entries that moved by more than a practical size and four standard errors."""
     kept = []
     for k, move in enumerate(moves(problem, fit)):
         m, i, j = problem.entries[k]
         size = thresholds.moved[m] * (1.0 if i == j else 1.6)
-        certain = move["significance"] is None or move["significance"] > 4
+        certain = move["significance"] is None or move["significance"] > errors
         if abs(fit.point.theta[k]) > size and certain:
             kept.append(k)
     return kept

@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.contend import Arena, kindred, refine
-from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.descent import Fit, fit
 from sysid_bench.gap.finalists import polished_screen, shortlist
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.price import CLOSED, Contender, cheapest
@@ -25,6 +25,7 @@ FAR = 1.6
 HARDLY = 0.5  # of what is left: where every suspect leaves more, the screen was misled
 CLEAR = 1.5  # rho of a refit that leaves a gap nobody overlooks
 STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
+STRAYED = 0.2  # step in priors from which a fit may have been led astray by where it began
 # Of what a refit leaves: where M, D, K leave less in a screen, it takes them for more than they are.
 MISLED = 0.25
 
@@ -60,6 +61,7 @@ def look(
     contenders = by_batches(problem, base, screened, rules, partial(_fitted, arena, screened))
     contenders += _frictions(arena, screened, contenders)
     contenders += _stops(arena, screened, contenders)
+    contenders += _from_the_nominal(arena, contenders)
     contenders = _with_kin(arena, contenders)
     return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules.practical))
 
@@ -83,6 +85,20 @@ def by_batches(
         names = {c.effect.name for c in tried}
         rest = replace(rest, candidates=[c for c in rest.candidates if c.effect.name not in names])
     return contenders
+
+
+def _from_the_nominal(arena: Arena, contenders: list[Contender]) -> list[Contender]:
+    """The name that leads, fitted once more from the nominal where it bent M, D, K and still leaves something.
+
+    From a refit that has swallowed part of it, its descent creeps along a valley.
+    """
+    best = min((c for c in contenders if not c.is_decoy), key=lambda c: c.cost, default=None)
+    if best is None or best.fit.rho < CLOSED or bend(arena.problem, best.fit) < STRAYED:
+        return []
+    at = best.fit.point
+    start = replace(at, theta=np.zeros_like(at.theta), starts=arena.problem.begins)
+    found = fit(arena.problem, start, best.fit.parameters, enough=best.fit.rss)
+    return [arena.contender(found, best.candidate)] if found is not None and found.rss < best.fit.rss else []
 
 
 def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
