@@ -119,3 +119,17 @@ def test_masses_that_one_sensor_leaves_uncertain_are_still_wrong_parameters():
     assert answer.verdict.word == "parameters" and not answer.added
     assert moved_values(answer, Thresholds())
     assert answer.gap_after < 0.2 * answer.gap_before
+
+
+def test_the_frequency_of_a_swinging_spring_is_found_off_a_lightly_damped_mode():
+    """What it makes of a mode lies beside it, where the plant answers little: a line counts against what would make it."""
+    swing = 0.4 / (2 * np.pi)
+    records = [
+        record(8, lambda x, v, z: (0.2 * np.sin(2 * np.pi * swing * z) * x, 1.0), N=3000)  # z is the time
+    ]
+    problem = prepared(records, MODEL, check_data(records))[0]
+    screened = screen(problem, linear_fit(problem), [effect_class(name) for name in names()])
+    best = screened.candidates[0]
+    assert best.effect.name == "time_varying_stiffness"
+    assert best.effect.frequency == pytest.approx(swing, abs=1 / (4 * 3000 * H))
+    assert best.explained > 0.9 * screened.left

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.fft import fft
+from scipy.fft import fft, ifft
 
 from sysid_bench.gap.locate import unexplained_force
 from sysid_bench.gap.motion import Seen as SeenMotion
@@ -13,6 +13,7 @@ from sysid_bench.mechanics.effect import Seen
 from sysid_bench.nouns import Array
 
 MODULATIONS = 6  # lines tried: the strongest are not seldom those of the motion's own modes
+LEAST_HEARD = 1e-6  # of the largest response: below, a line is rounding
 CERTAIN = (
     12  # pitches whose response is worked out in full; the best of them are likely among the coarse best
 )
@@ -55,7 +56,19 @@ class Search:
                 found += self.unexplained.heard(channel)
             return sorted(set(found))
         carrier, count = (self.v, 3) if kind == "damping modulation" else (self.x, MODULATIONS)
-        return peaks(self.force * carrier, h, count, 2.2 * self.high)
+        return peaks(self.force * carrier, h, count, 2.2 * self.high, self._responses(carrier))
+
+    def _responses(self, carrier: Array) -> Array:
+        """(N,) energy of what the plant makes of the carrier, moved by so many bins: near a mode far more than elsewhere."""
+        plant, F = np.zeros(len(carrier)), self.s.trace.F
+        plant[:F] = self._passes()
+        plant[1:][::-1][: F - 1] = plant[1:F]
+        return np.real(ifft(fft(plant) * np.conj(fft(_power(fft(carrier))))))
+
+    def _passes(self) -> Array:
+        """(F,) energy that the plant makes of a unit force here, over the noise, in each bin."""
+        g = (self.s.G[:, :, : len(self.c)] @ self.c) * self.s.trace.weight
+        return np.sum(np.abs(g) ** 2, axis=1)
 
     def _listening(self) -> list[int]:
         """Channels in which a tone at this place is heard: all of a few, else its own sensor, else the loudest."""
@@ -77,8 +90,7 @@ class Search:
         ks = np.concatenate([np.arange(1.2, 8, 0.2), np.arange(8, 24, 0.4)]) / rms
         force = self.force / max(np.abs(self.force).max(), 1e-300)  # single precision ends at 1e38
         fold = int(np.clip(len(x) // (2 * F + 1), 1, 8))
-        g = (s.G[:, :, : len(self.c)] @ self.c) * s.trace.weight
-        energy = np.sum(np.abs(g) ** 2, axis=1)
+        energy = self._passes()
         match, sums = waves(ks, x, force, fold)
         size = _power(fft(sums, axis=1)[:, :F]) @ (energy / _damped(F, len(x), fold))
         likely = np.argsort(-match / np.maximum(size, 1e-300))[:CERTAIN]
@@ -98,12 +110,14 @@ def _damped(F: int, N: int, fold: int) -> Array:
     return np.concatenate([[1.0], (np.sin(fold * half) / (fold * np.sin(half))) ** 2])
 
 
-def peaks(x: Array, h: float, count: int, top: float) -> list[float]:
-    """Hz of the strongest lines of x below top rad/s."""
+def peaks(x: Array, h: float, count: int, top: float, size: Array | None = None) -> list[float]:
+    """Hz of the strongest lines of x below top rad/s; against the size (len(x),) of what would make them, where given."""
     N = 4 * len(x)
     step = 2 * np.pi / (N * h)
     last, found = min(int(np.ceil(top / step)), N // 2 + 1), []
     power = _power(np.fft.rfft(x, N)[:last])
+    if size is not None:
+        power /= np.maximum(size[np.arange(last) // 4], LEAST_HEARD * size.max())
     for _ in range(count):
         k = 3 + int(np.argmax(power[3:]))
         found.append(k / (N * h))
