@@ -10,20 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
 from sysid_bench.gap.again import is_it, pruned, reconsidered
-from sysid_bench.gap.candidates import Candidate
-from sysid_bench.gap.contend import Arena, best_start, kindred, refine
+from sysid_bench.gap.both import NEGLIGIBLE, SHUT, both, glance, promising
+from sysid_bench.gap.candidates import Candidate, Screen
+from sysid_bench.gap.contend import Arena, best_start, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
-from sysid_bench.gap.look import UNCLEAN, far, first_look, look, noticeable
+from sysid_bench.gap.look import UNCLEAN, far, first_look, first_views, look, noticeable
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.pieces import closes
-from sysid_bench.gap.price import Contender, cheapest, price, subset
+from sysid_bench.gap.price import Contender, price, subset
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.screen import screen
@@ -31,15 +33,11 @@ from sysid_bench.gap.story import Round, Rules, Story
 from sysid_bench.mechanics.effect import Effect
 
 PAIRS = 3  # fitted by simulation
-NEAR = 1.5  # times the best pair's rho: other frictions are tried in place of one in such a pair
-LIKE = 1.2  # times what a pair leaves that closes the gap: the screen does not tell them apart
-NEGLIGIBLE = 1e-3  # share of the linear gap below which nothing further is looked for
 KEPT = 0.4  # of the budget, for pairs and later effects
 NEARLY_ALL = 0.01  # share of the linear gap below which a story told otherwise is believed
 SEEN = 1.5  # rho from which even such a share is looked into, beside a single effect
 ZERO_OFF = ("sensor_bias", "sensor_drift")
 ZERO_OFF_TAKES = 0.1  # of what a refit leaves, from which they are tried first
-CLEAN = 1.2  # rho at which an explanation is complete
 
 
 def earns(problem: Problem, before: Fit, after: Fit, linear: Fit, first: bool, rules: Rules) -> bool:
@@ -65,8 +63,13 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     """The story of the missing effects. Pure: nothing but its arguments decides."""
     rules = rules or Rules()
     linear_gap = max(linear.rss - len(linear.rows), 1.0)
+    views = first_views(problem, linear, catalogue)
+    screened = next(views)
+    story, begun = _at_once(problem, linear, screened, catalogue, rules)
+    if story is not None:
+        return story
     problem.budget.keep(KEPT)
-    first = first_look(problem, linear, catalogue, rules, linear_gap)
+    first = first_look(problem, linear, catalogue, rules, linear_gap, chain([screened], views), begun)
     problem.budget.keep(0.0)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
     left = story.fit.rss - len(story.fit.rows)
@@ -97,8 +100,31 @@ def _other_firsts(problem: Problem, first: Round, linear_gap: float) -> Iterator
             return
 
 
-def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules) -> Story:
-    """The story that follows from a first look: every later effect must earn its place."""
+def _at_once(
+    problem: Problem, linear: Fit, screened: Screen, catalogue, rules: Rules
+) -> tuple[Story | None, list[Contender]]:
+    """The story of two effects that close the gap where none does alone, and the single fits on the way to it.
+
+    None where there are no such two.
+    """
+    found = promising(screened, partial(pairs, problem, screened, PAIRS))
+    if not found:
+        return None, []
+    first = glance(problem, linear, screened, rules)
+    named = next((c for c in first.contenders if not c.is_decoy), None)
+    if named is None or closes(first.contenders[0].fit, linear):
+        return None, first.contenders
+    second = both(problem, linear, named.fit, screened, found, rules, straight=True)
+    if second is None or not earns(problem, linear, named.fit, linear, True, rules):
+        return None, first.contenders
+    story = _told(problem, Story(linear, linear), replace(first, chosen=named), catalogue, rules, second)
+    return (story if story.fit.rho < SHUT else None), first.contenders
+
+
+def _told(
+    problem: Problem, story: Story, first: Round, catalogue, rules: Rules, second: Round | None = None
+) -> Story:
+    """The story that follows from a first look: every later effect must earn its place. second: a later look that is known."""
     linear, R = story.linear, len(story.linear.rows)
     linear_gap = max(linear.rss - R, 1.0)
     for k in range(rules.most):
@@ -106,8 +132,8 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
             break
         if k == 0:
             round_ = first
-        elif k == 1 and (both := _both(problem, story, first, linear_gap, rules)) is not None:
-            round_ = both
+        elif k == 1 and (later := second or _both(problem, story, first, rules)) is not None:
+            round_ = later
         else:
             round_ = look(problem, story.fit, catalogue, rules, linear_gap)
         chosen = round_.chosen
@@ -128,6 +154,12 @@ def _told(problem: Problem, story: Story, first: Round, catalogue, rules: Rules)
     return story
 
 
+def _both(problem: Problem, story: Story, first: Round, rules: Rules) -> Round | None:
+    """The best pairs of the first look's screen, fitted."""
+    found = pairs(problem, first.screen, PAIRS)
+    return both(problem, story.linear, story.fit, first.screen, found, rules)
+
+
 def _closed(now: Fit, linear: Fit, found: int, rules: Rules) -> bool:
     """True where nothing further is looked for beside so many found effects.
 
@@ -135,33 +167,6 @@ def _closed(now: Fit, linear: Fit, found: int, rules: Rules) -> bool:
     """
     seen = SEEN if found == 1 else np.inf
     return now.rho - 1 < max(rules.enough - 1, min(NEGLIGIBLE * (linear.rho - 1), seen - 1))
-
-
-def _both(problem: Problem, story: Story, first: Round, linear_gap: float, rules: Rules) -> Round | None:
-    """A second look that takes two effects at once; None where no pair closes the gap."""
-    linear, base = story.linear, story.fit
-    arena, contenders = Arena(problem, linear, leads(problem, first.screen.seens)), []
-    closing = np.inf  # energy that the screen leaves of a pair that closes the gap
-    for pair in pairs(problem, first.screen, PAIRS):
-        remains = first.screen.left - pair.polished.explained
-        if remains > LIKE * closing:
-            continue
-        candidate = Candidate(
-            pair.effects[1], pair.polished.explained, pair.score, np.zeros(0), pair.polished.theta, False
-        )
-        one = refine(arena, candidate, first.screen.promise(candidate.explained), pair.effects[:1], 15)
-        if one is not None:
-            contenders.append(one)
-            if one.fit.rho < rules.enough:
-                closing = min(closing, remains)
-    nearest = min((c.fit.rho for c in contenders), default=1.0)
-    for one in [c for c in contenders if c.fit.rho < NEAR * nearest]:
-        contenders += kindred(arena, one, set())
-    contenders.sort(key=lambda c: c.cost)
-    best = cheapest(contenders, linear_gap, rules.practical)
-    if best is None or best.fit.rho - 1 > max(CLEAN - 1, NEGLIGIBLE * (linear.rho - 1)):
-        return None
-    return Round(first.screen, contenders, base, best)
 
 
 def _others(

@@ -40,6 +40,7 @@ class Arena:
     nearest: the lowest rho so far of fits that were held, per lead; closed: a name closes the gap already
     least: the lowest rss so far of a name; known: contenders of an earlier look from the same fit
     leads_left: suspects that may still be led; fewer once a shape without a name closes the gap
+    straight: nothing is led; begun: contenders of such an arena from the same fit and suspects
     """
 
     problem: Problem
@@ -50,6 +51,8 @@ class Arena:
     least: float = np.inf
     leads_left: int = 5
     known: list[Contender] = field(default_factory=list)
+    straight: bool = False
+    begun: list[Contender] = field(default_factory=list)
 
     def contender(self, found: Fit, candidate: Candidate) -> Contender:
         """A fit and its price."""
@@ -92,7 +95,8 @@ def refine(
         )
         for starts in (base.point.starts, arena.problem.begins)  # a fit without it bent its own to swallow it
     ]
-    found = _descended(arena, choices, promised, iterations)
+    begun = next((one.fit for one in arena.begun if one.candidate is candidate), None)
+    found = _descended(arena, choices, promised, iterations, begun)
     if found is None or _too_slow(arena.problem, found.point.effects[-1]):
         return None
     return arena.contender(found, candidate)
@@ -113,15 +117,20 @@ def alike(one: Effect, other: Effect) -> bool:
     return bool(np.all(np.abs(a - b) <= ALIKE * np.maximum(np.abs(a), np.abs(b))))
 
 
-def _descended(arena: Arena, choices: list[Point], promised: float, iterations: int) -> Fit | None:
-    """The fit from the best of some starts: straight, and by way of the held problems where that leaves something."""
-    free, found = free_parameters(choices[0].effects), None
+def _descended(
+    arena: Arena, choices: list[Point], promised: float, iterations: int, begun: Fit | None = None
+) -> Fit | None:
+    """The fit from the best of some starts: straight, and by way of the held problems where that leaves something.
+
+    begun: the straight one, where it is known
+    """
+    free, found = free_parameters(choices[0].effects), begun
     may = arena.held and not arena.closed and arena.leads_left > 0
     rough = bool(may) and _has_corners(choices[0].effects)
-    start = best_start(arena.problem, choices)
+    start = best_start(arena.problem, choices) if begun is None else None
     if start is not None and (not rough or start[0] < 3 * promised + 1):
         found = fit(arena.problem, start[1], free, iterations, enough=arena.enough)
-    if rough and (found is None or found.rho > CLOSED):
+    if rough and not arena.straight and (found is None or found.rho > CLOSED):
         arena.leads_left -= 1
         led = _led(arena, choices, free, iterations)
         if led is not None and (found is None or led.rss < found.rss):

@@ -43,8 +43,12 @@ def look(
     linear_gap: float,
     screened: Screen | None = None,
     known: list[Contender] | None = None,
+    begun: list[Contender] | None = None,
 ) -> Round:
-    """One screen and its finalists. screened: what they are taken from; known: contenders of an earlier look from base."""
+    """One screen and its finalists.
+
+    screened: what they are taken from; known, begun: contenders of an earlier look, of a glance from base
+    """
     screened = screened or view(problem, _ground(problem, base), catalogue)
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < noticeable(R):
@@ -57,8 +61,9 @@ def look(
         closed=base.rho < 1.1,
         leads_left=5 if small else 3,
         known=known or [],
+        begun=begun or [],
     )
-    contenders = by_batches(problem, base, screened, rules, partial(_fitted, arena, screened))
+    contenders = by_batches(problem, base, screened, rules, partial(fits_of, arena, screened))
     contenders += _frictions(arena, screened, contenders)
     contenders += _stops(arena, screened, contenders)
     contenders += _from_the_nominal(arena, contenders)
@@ -74,11 +79,10 @@ def by_batches(
     fitted: Callable[[list[Candidate], list[Contender]], list[Contender]],
 ) -> list[Contender]:
     """What `fitted` makes of the best suspects, beside those before: batch after batch until some fit keeps its promise."""
-    finalists = rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
     contenders: list[Contender] = []
     rest = screened
     for _ in range(BATCHES):
-        tried = shortlist(rest, finalists)
+        tried = shortlist(rest, finalists(problem, rules))
         contenders += fitted(tried, contenders)
         if not tried or as_promised(base, contenders, screened):
             break
@@ -99,6 +103,11 @@ def _from_the_nominal(arena: Arena, contenders: list[Contender]) -> list[Contend
     start = replace(at, theta=np.zeros_like(at.theta), starts=arena.problem.begins)
     found = fit(arena.problem, start, best.fit.parameters, enough=best.fit.rss)
     return [arena.contender(found, best.candidate)] if found is not None and found.rss < best.fit.rss else []
+
+
+def finalists(problem: Problem, rules: Rules) -> int:
+    """How many suspects are fitted by simulation at a time."""
+    return rules.finalists if problem.model.n < 6 else max(3, rules.finalists - 3)
 
 
 def _with_kin(arena: Arena, contenders: list[Contender]) -> list[Contender]:
@@ -147,7 +156,7 @@ def _stops(arena: Arena, screened: Screen, contenders: list[Contender]) -> list[
     return [one for one in fits if one is not None]
 
 
-def _fitted(
+def fits_of(
     arena: Arena, screened: Screen, tried: list[Candidate], before: list[Contender]
 ) -> list[Contender]:
     found: list[Contender] = []
@@ -182,12 +191,17 @@ def view(problem: Problem, ground: Fit, catalogue, prior_scale: float = PRIOR_SC
     return polished_screen(problem, screened, 0.3 * noticeable(len(ground.rows)))
 
 
-def first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_gap: float) -> Round:
-    """The first look; where the refit is bent and little is explained, others from other grounds."""
-    if linear.rho < CLEAR or bend(problem, linear) < BENT / 2:
-        return look(problem, linear, catalogue, rules, linear_gap)
-    views = _views(problem, linear, catalogue)
-    best = look(problem, linear, catalogue, rules, linear_gap, next(views))
+def first_look(
+    problem: Problem,
+    linear: Fit,
+    catalogue,
+    rules: Rules,
+    linear_gap: float,
+    views: Iterator[Screen],
+    begun: list[Contender] | None = None,
+) -> Round:
+    """The first look, from one view after the other until a name leaves little. begun: as in look, of the first view."""
+    best = look(problem, linear, catalogue, rules, linear_gap, next(views), begun=begun)
     known = [*best.contenders]
     while not _shut(best, linear) and (screened := next(views, None)) is not None:
         other = look(problem, linear, catalogue, rules, linear_gap, screened, known)
@@ -196,12 +210,15 @@ def first_look(problem: Problem, linear: Fit, catalogue, rules: Rules, linear_ga
     return best
 
 
-def _views(problem: Problem, linear: Fit, catalogue) -> Iterator[Screen]:
-    """Screens from the refit and from the nominal, what promises more first; then one that holds on to the nominal.
+def first_views(problem: Problem, linear: Fit, catalogue) -> Iterator[Screen]:
+    """Screens from the refit and, where it is bent, from the nominal, what promises more first; then one that holds on to it.
 
     Along a motion that few forces drive, many M, D, K are as good; where they explain there what no simulation does,
     the nominal is trusted as far as it is wrong.
     """
+    if linear.rho < CLEAR or bend(problem, linear) < BENT / 2:
+        yield view(problem, linear, catalogue)
+        return
     nominal = _nominal(problem, linear)
     if linear.rho < STRONG or bend(problem, linear) < BENT:
         yield (first := view(problem, linear, catalogue))
