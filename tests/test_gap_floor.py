@@ -7,13 +7,14 @@ import pytest
 
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.check_data import check_data
-from sysid_bench.gap.decide import Thresholds, _too_much
+from sysid_bench.gap.decide import _too_much
 from sysid_bench.gap.descent import fit
 from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.prepare import lower_floor, prepared
 from sysid_bench.gap.problem import Point
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
+from sysid_bench.gap.thresholds import Thresholds
 from sysid_bench.gap.traces import noise_floor, trace_of
 from sysid_bench.mechanics.nonlinear import simulate
 from sysid_bench.nouns import Model, Record

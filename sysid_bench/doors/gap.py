@@ -18,11 +18,11 @@ from sysid_bench.files import atomic_write, read_model, results_folder, write_js
 from sysid_bench.files.provenance import provenance
 from sysid_bench.files.yaml_text import yaml_text
 from sysid_bench.gap.answer import Answer
-from sysid_bench.gap.decide import Thresholds
 from sysid_bench.gap.experiment import Settling, proposals, settling
 from sysid_bench.gap.rivals import alike
 from sysid_bench.gap.show import gap_values
 from sysid_bench.gap.story import Rules
+from sysid_bench.gap.thresholds import Thresholds
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import InputError, Record
 from sysid_bench.pairing import pair

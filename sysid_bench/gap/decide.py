@@ -11,33 +11,14 @@ from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.held_out import PRACTICAL
 from sysid_bench.gap.inverse import ForceProblem
 from sysid_bench.gap.look import bend
+from sysid_bench.gap.moves import closed_nearby, moved_knobs, practical_moves
 from sysid_bench.gap.price import DECOY_NAMES
-from sysid_bench.gap.problem import MATRICES, Problem
+from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.story import Story
+from sysid_bench.gap.thresholds import Thresholds
 
 # Step of an entry, in priors, and times that of the refit, from which named effects are no explanation.
 BENT, BENT_BESIDE = 2.0, 2.0
-
-
-@dataclass(frozen=True)
-class Thresholds:
-    """When a verdict is given.
-
-    left_rho, left_share (left_on_force where the force is judged): with effects found, more than this left (over the floor; of the linear gap) is `unknown`
-    part_rho, part_share: the same for what is left nearer to the floor: an effect that takes only part of a weak gap is not its name
-    bare_rho: with none found, more than this is `unknown`
-    moved_rho: the nominal's gap over the refit's from which `parameters` are wrong
-    moved: practical size of a relative change: mass, damping, stiffness; twice that off the diagonal
-    """
-
-    left_rho: float = 1.5
-    left_share: float = 0.05
-    part_rho: float = 1.1
-    part_share: float = 0.25
-    left_on_force: float = 0.5
-    bare_rho: float = 1.6
-    moved_rho: float = 1.3
-    moved: tuple[float, float, float] = (0.05, 0.12, 0.05)
 
 
 @dataclass(frozen=True)
@@ -91,8 +72,9 @@ def decide(
         return Verdict(
             "unknown", f"{now.rho:.1f} times the noise floor is left, and no catalogue effect explains it"
         )
-    moved = told_moves(problem, now, thresholds) or moved_knobs(problem, now, thresholds)
-    if nominal_rho > thresholds.moved_rho * max(now.rho, 1) and moved:
+    moved = practical_moves(problem, now, thresholds) or moved_knobs(problem, now, thresholds)
+    worse = nominal_rho > thresholds.moved_rho * max(now.rho, 1)
+    if worse and (moved or not closed_nearby(problem, now, thresholds)):
         return Verdict(
             "parameters",
             f"other parameters close the gap from {nominal_rho:.3g} to {now.rho:.3g} times the noise floor",
@@ -134,72 +116,3 @@ def place_words(dof) -> str:
 def place_value(dof) -> Any:
     """A place as JSON has it: a number, a pair as a list, null."""
     return list(dof) if isinstance(dof, tuple) else dof
-
-
-def moves(problem: Problem, fit: Fit) -> list[dict]:
-    """Every entry that the fit moved: which, from, to, standard error."""
-    std = np.full(len(problem.entries), np.nan)
-    if fit.covariance is not None:
-        std = np.sqrt(np.maximum(np.diag(fit.covariance)[: len(std)], 0)) * problem.scale
-    now = problem.matrices(fit.point.theta)
-    out = []
-    for k, (m, i, j) in enumerate(problem.entries):
-        before = float(getattr(problem.model, MATRICES[m])[i, j])
-        after = float(now[m][i, j])
-        change = fit.point.theta[k]
-        out.append(
-            {
-                "matrix": MATRICES[m],
-                "row": i,
-                "column": j,
-                "from": before,
-                "to": after,
-                "std": float(std[k]),
-                "relative": float(change * problem.scale[k] / abs(before)) if before else None,
-                "significance": float(abs(after - before) / std[k]) if std[k] > 0 else None,
-            }
-        )
-    return out
-
-
-def told_moves(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[int]:
-    """Numbers of the entries to tell of. Few sensors may leave each alone uncertain where they close a gap together."""
-    return practical_moves(problem, fit, thresholds) or practical_moves(problem, fit, thresholds, 0.0)
-
-
-def practical_moves(problem: Problem, fit: Fit, thresholds: Thresholds, errors: float = 4.0) -> list[int]:
-    """Numbers of the entries that moved by more than a practical size and four standard errors."""
-    kept = []
-    for k, move in enumerate(moves(problem, fit)):
-        m, i, j = problem.entries[k]
-        size = thresholds.moved[m] * (1.0 if i == j else 1.6)
-        certain = move["significance"] is None or move["significance"] > errors
-        if abs(fit.point.theta[k]) > size and certain:
-            kept.append(k)
-    return kept
-
-
-def moved_knobs(problem: Problem, fit: Fit, thresholds: Thresholds) -> list[dict]:
-    """Parameters of the effects that the model had already, where they moved by a practical size and four standard errors."""
-    found = []
-    for k, (e, p) in enumerate(fit.parameters):
-        if e >= len(problem.effects) or fit.covariance is None:
-            continue  # found, not given
-        if (
-            problem.on_force
-            and problem.effects[e].name == "constant_force"
-            and not problem.effects[e].values[p]
-        ):
-            continue  # the offset that every record may have
-        one, now, at = problem.effects[e], fit.point.effects[e], len(problem.entries) + k
-        before, after = float(one.values[p]), float(now.values[p])
-        size = abs(after) if problem.by_log(now, p) else 1.0
-        std = float(np.sqrt(max(fit.covariance[at, at], 0)) * size)
-        if abs(after - before) > max(thresholds.moved[0] * abs(before), 4 * std):
-            found.append({
-                "effect": one.name, "dof": list(one.dof) if isinstance(one.dof, tuple) else one.dof,
-                "parameter": one.numeric[p], "from": before, "to": after, "std": std,
-                "relative": (after - before) / abs(before) if before else None,
-                "significance": abs(after - before) / std if std > 0 else None,
-            })  # fmt: skip
-    return found

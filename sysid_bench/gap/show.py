@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from sysid_bench.gap.answer import Answer
-from sysid_bench.gap.decide import moved_knobs, moves, place_value, practical_moves, told_moves
+from sysid_bench.gap.decide import place_value
 from sysid_bench.gap.evidence import effect_values
 from sysid_bench.gap.experiment import Settling
 from sysid_bench.gap.inverse import ForceProblem
+from sysid_bench.gap.moves import moved_knobs, moves, practical_moves
 from sysid_bench.gap.price import DECOY_NAMES
 from sysid_bench.gap.unexplained import contender_values, description, power_values, where_values
 
@@ -107,6 +108,5 @@ def moved_values(answer: Answer, thresholds) -> list[dict[str, Any]]:
         return []
     fit = answer.story.fit
     all_moves = moves(answer.problem, fit)
-    told = told_moves if answer.verdict.word == "parameters" else practical_moves
-    entries = [all_moves[k] for k in told(answer.problem, fit, thresholds)]
+    entries = [all_moves[k] for k in practical_moves(answer.problem, fit, thresholds)]
     return entries + moved_knobs(answer.problem, fit, thresholds)

@@ -15,7 +15,7 @@ from sysid_bench.gap.candidates import Screen
 from sysid_bench.gap.check_data import DataCheck, check_data, refuse_too_long, refuse_unusable
 from sysid_bench.gap.choose import choose
 from sysid_bench.gap.choose_on_force import choose_on_force
-from sysid_bench.gap.decide import Thresholds, Verdict, decide
+from sysid_bench.gap.decide import Verdict, decide
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.fineness import finer
 from sysid_bench.gap.force import OnForce, admissible, judge_on_force
@@ -36,6 +36,7 @@ from sysid_bench.gap.prove import Proof, prove
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.story import Rules, Story
+from sysid_bench.gap.thresholds import Thresholds
 from sysid_bench.mechanics import stepping
 from sysid_bench.mechanics.compiled import SECONDS, is_compiled
 from sysid_bench.mechanics.effect import Effect
