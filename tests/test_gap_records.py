@@ -14,8 +14,9 @@ from sysid_bench.__main__ import main
 from sysid_bench.effects.cubic_stiffness import CubicStiffness
 from sysid_bench.files import write_model
 from sysid_bench.gap.colour import coloured
+from sysid_bench.gap.workflow import find_gap
 from sysid_bench.mechanics.nonlinear import simulate
-from sysid_bench.nouns import LOST, Model, Plant, Record
+from sysid_bench.nouns import LOST, InputError, Model, Plant, Record
 from sysid_bench.records import write_record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "experiments" / "hidden_effects"))
@@ -201,3 +202,10 @@ def test_coloured_noise_makes_no_effect(tmp_path):
         records.append(replace(clean, y=linear + 0.03 * e))
     values = gap(tmp_path, records[:1], records[1:])
     assert values["verdict"] == "none" and not values["effects"]
+
+
+def test_times_in_milliseconds_are_refused_by_what_they_would_mean():
+    u = np.random.default_rng(0).standard_normal((400, 1))
+    record = Record(100.0 * np.arange(400), u, u)  # ms taken for s
+    with pytest.raises(InputError, match=r"above half the record's sampling rate.*times in seconds"):
+        find_gap([record], [record], Model([[1.0]], [[0.1]], [[1.0]], hold="zoh"))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid_bench.nouns import Array, InputError, Record
+from sysid_bench.nouns import Array, InputError, Model, Record
 
 NOTICEABLE_STEP = 0.02  # of the signal's rms: below, quantisation is only part of the noise floor
 FEWEST_CLIPPED = 6
@@ -81,6 +81,19 @@ def refuse_too_long(records: list[Record], role: str, n: int) -> None:
             f"{role}: {samples:,} samples of {n} degree(s) of freedom; the gap workflow takes {MOST // n:,} of them. "
             "Give a stretch of the record, or a lower sampling rate."
         )
+
+
+def refuse_too_slow(records: list[Record], role: str, model: Model) -> None:
+    """Raises InputError where every mode of the model lies above half the sampling rate: a matter of units, nearly always."""
+    M, _, K = model.matrices
+    lowest = float(np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).min())) / (2 * np.pi)
+    for record in records:
+        half = 0.5 / float(np.median(np.diff(record.t))) if record.N > 1 else np.inf
+        if lowest > half:
+            raise InputError(
+                f"{role}: the model's lowest natural frequency is {lowest:.3g} Hz, above half the record's sampling rate, "
+                f"{half:.3g} Hz: nothing of it can be seen. Are the times in seconds, and mass and stiffness in kg and N/m?"
+            )
 
 
 def _on_a_grid(record: Record) -> int:

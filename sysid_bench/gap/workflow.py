@@ -12,7 +12,13 @@ import numpy as np
 from sysid_bench.effects import effect_class, names
 from sysid_bench.gap.answer import Answer
 from sysid_bench.gap.candidates import Screen
-from sysid_bench.gap.check_data import DataCheck, check_data, refuse_too_long, refuse_unusable
+from sysid_bench.gap.check_data import (
+    DataCheck,
+    check_data,
+    refuse_too_long,
+    refuse_too_slow,
+    refuse_unusable,
+)
 from sysid_bench.gap.choose import choose
 from sysid_bench.gap.choose_on_force import choose_on_force
 from sysid_bench.gap.decide import Verdict, decide
@@ -113,6 +119,7 @@ def _checked(train: list[Record], test: list[Record], model: Model, tell) -> Dat
     for records, role in ((train, "train"), (test, "test")):
         refuse_too_long(records, role, model.n)
         refuse_unusable(records, role)
+        refuse_too_slow(records, role, model)
     check = check_data(train)
     for remark in check.remarks:
         tell(remark)
