@@ -72,21 +72,22 @@ def choose(problem: Problem, linear: Fit, catalogue: list[type[Effect]], rules: 
     first = first_look(problem, linear, catalogue, rules, linear_gap, chain([screened], views), begun)
     problem.budget.keep(0.0)
     story = _told(problem, Story(linear, linear), first, catalogue, rules)
-    left = story.fit.rss - len(story.fit.rows)
-    if left < UNCLEAN * linear_gap and not story.ends_unnamed:
+    much = story.fit.rss - len(story.fit.rows) >= UNCLEAN * linear_gap
+    if not much and not story.ends_unnamed:
         return story
-    for round_ in _other_firsts(problem, first, linear_gap):
+    for round_ in _other_firsts(problem, first):
         other = _told(problem, Story(linear, linear), round_, catalogue, rules)
-        if other.fit.rho - 1 < max(0.3, NEARLY_ALL * (linear.rho - 1)) and not other.ends_unnamed:
+        enough = closes(other.fit, linear) or (much and other.fit.rho - 1 < NEARLY_ALL * (linear.rho - 1))
+        if enough and not other.ends_unnamed:
             return other
     return story
 
 
-def _other_firsts(problem: Problem, first: Round, linear_gap: float) -> Iterator[Round]:
+def _other_firsts(problem: Problem, first: Round) -> Iterator[Round]:
     """What else may come first where the cheapest leads to no explanation."""
     shape = first.chosen
-    if shape is not None and shape.is_decoy and shape.fit.rss - len(shape.fit.rows) > UNCLEAN * linear_gap:
-        # No single force explains it: an unnamed shape may stand for the sum of two named ones.
+    if shape is not None and shape.is_decoy and not closes(shape.fit, first.before):
+        # No single force closes the gap: an unnamed shape may stand for the sum of two named ones.
         yield from [replace(first, chosen=c) for c in first.contenders if not c.is_decoy][:1]
     if shape is not None and shape.effect.name in ZERO_OFF:
         return

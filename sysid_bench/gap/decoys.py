@@ -59,6 +59,24 @@ class LocalDamper(Effect):
 
 
 @dataclass(frozen=True)
+class LocalSpring(Effect):
+    """A pull that is strongest some way off the middle and fades beyond, as a magnet's."""
+
+    name: ClassVar[str] = "a spring that acts near the middle only"
+    knobs: ClassVar[dict[str, Knob]] = {"stiffness": Knob("N/m"), "reach": Knob("m", (1e-300, np.inf))}
+
+    dof: int | tuple[int, int] | None = 0
+    stiffness: float = 1.0
+    reach: float = 1.0
+
+    def suspects(self, seen: Seen) -> list[Suspect]:
+        return [self.unit("stiffness", reach=f * seen.x_rms) for f in (0.4, 0.8, 1.6)]
+
+    def law(self, at: At, p):
+        return p.stiffness * at.x / (1 + (at.x / p.reach) ** 2), []
+
+
+@dataclass(frozen=True)
 class SineOfSpeed(Effect):
     name: ClassVar[str] = "a force that waves with speed"
     knobs: ClassVar[dict[str, Knob]] = {"force": Knob("N"), "speed": Knob("m/s", (1e-300, np.inf))}
@@ -142,6 +160,7 @@ class InputPower(Effect):
 DECOYS: tuple[type[Effect], ...] = (
     *(_shape(word, law) for word, law in SHAPES.items()),
     LocalDamper,
+    LocalSpring,
     SineOfSpeed,
     ExponentialSpring,
     VaryingDamping,
