@@ -77,12 +77,12 @@ def test_a_zero_that_is_off_is_tried_first_where_nothing_else_leads_to_an_explan
     linear = linear_fit(problem)
     catalogue = [effect_class(name) for name in names()]
     first = Round(screen(problem, linear, catalogue), [], linear, None)
-    (found,) = _other_firsts(problem, first, linear.rss)
+    (found,) = _other_firsts(problem, first)
     assert found.chosen is found.contenders[0]
     assert found.chosen.effect.name == "sensor_drift"
     end = found.chosen.effect.rate * records[0].t[-1] + found.chosen.effect.curvature * records[0].t[-1] ** 2
     assert end == pytest.approx(0.8 / np.hypot(1, 0.8 / np.sqrt(12)) * records[0].y.std(), rel=0.15)
-    assert not list(_other_firsts(problem, found, linear.rss))  # it has been first
+    assert not list(_other_firsts(problem, found))  # it has been first
 
 
 def test_a_fit_that_creeps_from_a_bent_refit_is_done_once_more_from_the_nominal():
