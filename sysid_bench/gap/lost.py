@@ -20,7 +20,10 @@ from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.story import Story
 
 STEPS = 6  # of the fit without hold, from what was found under it
-SHARE_OF_BUDGET = 0.3  # of what the search on whole records has
+SHARE_OF_BUDGET, FEWEST = (
+    0.3,
+    3,
+)  # of what the search on whole records has, and DOFs that it is reckoned for at least
 LEFT, FLOORS = 0.01, 2.0  # share of the linear gap, and rho, above which named effects have lost the motion
 FIRST = (
     0.5  # of the gap, that the first effect must take: else what is missing is no law that loses the motion
@@ -75,7 +78,7 @@ def _seens(problem: Problem, whole: Fit) -> list[Seen]:
 def _budget(problem: Problem) -> Budget:
     """Of the story told anew."""
     samples = sum(one.N for one in problem.traces)
-    return Budget(SHARE_OF_BUDGET * budget_of(problem.model.n, samples).left)
+    return Budget(SHARE_OF_BUDGET * budget_of(max(problem.model.n, FEWEST), samples).left)
 
 
 def _freed(problem: Problem, linear: Fit, story: Story) -> Story | None:
