@@ -20,14 +20,11 @@ from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.story import Story
 
 STEPS = 6  # of the fit without hold, from what was found under it
-SHARE_OF_BUDGET, FEWEST = (
-    0.3,
-    3,
-)  # of what the search on whole records has, and DOFs that it is reckoned for at least
+SHARE_OF_BUDGET = 0.3  # of what the search on whole records has
+FEWEST = 3  # DOFs that it is reckoned for at least
 LEFT, FLOORS = 0.01, 2.0  # share of the linear gap, and rho, above which named effects have lost the motion
-FIRST = (
-    0.5  # of the gap, that the first effect must take: else what is missing is no law that loses the motion
-)
+# Of the gap, that the first effect must take: else what is missing is no law that loses the motion.
+FIRST = 0.5
 
 
 def lost(word: str, fit: Fit, linear: Fit) -> bool:
