@@ -15,9 +15,9 @@ from sysid_bench.gap.again import pruned, reconsidered
 from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.colour import Floor
-from sysid_bench.gap.contend import Arena, kindred, refine
+from sysid_bench.gap.contend import Arena, _no_turn, kindred, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
-from sysid_bench.gap.finalists import polished_screen
+from sysid_bench.gap.finalists import polished_screen, shortlist
 from sysid_bench.gap.lost import lost
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
@@ -180,6 +180,37 @@ def test_a_name_too_many_is_dropped_whatever_the_budget(draw):
     spent = replace(problem, budget=Budget(0.0))
     left = pruned(spent, now, lambda without, now: without.rss - now.rss < 25)
     assert [e.name for e in left.point.effects] == ["cubic_stiffness"]
+
+
+def test_two_names_too_many_are_both_dropped(draw):
+    """After the first is dropped the others are other objects: the fit has moved them."""
+    problem, _, _, truth = problem_and_screen(draw, 12, size="one", kind="single", name="cubic_stiffness")
+    needless = effect_class("quadratic_drag")(0, 1e-9), effect_class("constant_force")(0, 1e-9)
+    cubic = effect_class("cubic_stiffness")(0, 1.02 * truth[0]["values"]["stiffness"])
+    three = (needless[0], cubic, needless[1])
+    now = fit(problem, replace(problem.nominal(), effects=three), free_parameters(three), 0)
+    left = pruned(problem, now, lambda without, now: without.rss - now.rss < 25)
+    assert [e.name for e in left.point.effects] == ["cubic_stiffness"]
+
+
+def test_unnamed_shapes_take_no_names_place(draw):
+    """Of five finalists one was a shape, and the right name was the sixth."""
+    _, _, screened, _ = problem_and_screen(draw, 12, size="one", kind="single", name="cubic_stiffness")
+    shapes = [c for c in screened.candidates if c.decoy][:2]
+    names = [c for c in screened.candidates if not c.decoy]
+    found = [replace(c, explained=1e4) for c in (*shapes, *names)]
+    assert sum(not c.decoy for c in shortlist(replace(screened, candidates=found), 3)) >= 3
+
+
+def test_a_ripple_longer_than_the_travel_is_a_spring_by_another_name(draw):
+    problem, linear, screened, _ = problem_and_screen(
+        draw, 12, size="one", kind="single", name="cubic_stiffness"
+    )
+    travel = float(np.ptp(screened.seens[0].q[:, 0]))
+    for pitch, is_none in ((0.5 * travel, False), (2 * travel, True)):
+        ripple = effect_class("position_ripple")(0, 0.1, pitch, 0.3)
+        found = replace(linear, point=replace(linear.point, effects=(ripple,)))
+        assert _no_turn(problem, found) is is_none
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.9, "coulomb_friction"), (1.1, "stribeck_friction")])

@@ -9,9 +9,8 @@ from sysid_bench.gap.candidates import Candidate
 from sysid_bench.gap.check_data import check_data
 from sysid_bench.gap.choose import _other_firsts
 from sysid_bench.gap.contend import Arena
-from sysid_bench.gap.decide import Thresholds
 from sysid_bench.gap.descent import fit, free_parameters
-from sysid_bench.gap.look import _from_the_nominal
+from sysid_bench.gap.look import from_the_nominal
 from sysid_bench.gap.prepare import prepared
 from sysid_bench.gap.price import Contender, price
 from sysid_bench.gap.problem import Point
@@ -19,6 +18,7 @@ from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.show import moved_values
 from sysid_bench.gap.story import Round
+from sysid_bench.gap.thresholds import Thresholds
 from sysid_bench.gap.workflow import find_gap
 from sysid_bench.nouns import Model, Record
 
@@ -85,7 +85,7 @@ def test_a_zero_that_is_off_is_tried_first_where_nothing_else_leads_to_an_explan
     assert not list(_other_firsts(problem, found))  # it has been first
 
 
-def test_a_fit_that_creeps_from_a_bent_refit_is_done_once_more_from_the_nominal():
+def test_a_fit_that_creeps_from_a_bent_refit_is_done_once_morefrom_the_nominal():
     records = [record(5, lambda x, v, z: (0.02 * x**3, 0.0))]
     problem = prepared(records, MODEL, check_data(records))[0]
     cubic = effect("cubic_stiffness", 0, {"stiffness": 0.01})
@@ -93,11 +93,11 @@ def test_a_fit_that_creeps_from_a_bent_refit_is_done_once_more_from_the_nominal(
     crept = fit(problem, bent, free_parameters(bent.effects), 1)
     base = fit(problem, Point(bent.theta, (), problem.begins), (), 0)
     candidate = Candidate(cubic, 0.0, 0.0, np.zeros(0), bent.theta, False)
-    found = _from_the_nominal(Arena(problem, base), [Contender(crept, candidate, price(problem, crept))])
+    found = from_the_nominal(Arena(problem, base), [Contender(crept, candidate, price(problem, crept))])
     assert crept.rho > 2
     assert found[0].fit.rho < 1.2
     assert found[0].effect.stiffness == pytest.approx(0.02, rel=0.05)
-    assert not _from_the_nominal(Arena(problem, base), found)  # nothing is left: once is enough
+    assert not from_the_nominal(Arena(problem, base), found)  # nothing is left: once is enough
 
 
 def test_masses_that_one_sensor_leaves_uncertain_are_still_wrong_parameters():

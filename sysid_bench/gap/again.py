@@ -60,10 +60,10 @@ def pruned(problem: Problem, now: Fit, needless: Callable[[Fit, Fit], bool]) -> 
     """
     problem = replace(problem, budget=Budget())
     base = len(problem.model.effects)
-    for effect in reversed(now.point.effects[base:]):
+    for k in reversed(range(base, len(now.point.effects))):
         if len(now.point.effects) < base + 2:
             break
-        without = _without(problem, now, effect, NEAR * now.rss)
+        without = _without(problem, now, now.point.effects[k], NEAR * now.rss)
         if without is not None and not needless(without, now) and without.rss < NEAR * now.rss:
             without = settled(problem, without, now)
         if without is not None and needless(without, now):

@@ -10,7 +10,7 @@ from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.contend import Arena, kindred, refine
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.finalists import shortlist
-from sysid_bench.gap.look import finalists, fits_of
+from sysid_bench.gap.look import finalists, fits_of, from_the_nominal
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import Pair
 from sysid_bench.gap.price import Contender, cheapest
@@ -37,9 +37,10 @@ def promising(screened: Screen, found: Callable[[], list[Pair]]) -> list[Pair]:
 
 
 def glance(problem: Problem, base: Fit, screened: Screen, rules: Rules) -> Round:
-    """The first finalists of a screen, each fitted straight from where it starts; none is chosen."""
+    """The first finalists of a screen, each fitted straight from where it starts, the leader from the nominal too; none is chosen."""
     arena = Arena(problem, base, leads(problem, screened.seens), closed=base.rho < 1.1, straight=True)
     contenders = fits_of(arena, screened, shortlist(screened, finalists(problem, rules)), [])
+    contenders += from_the_nominal(arena, contenders)
     return Round(screened, sorted(contenders, key=lambda c: c.cost), base, None)
 
 

@@ -14,7 +14,7 @@ from sysid_bench.gap.motion import seen
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.price import CLOSED, DECOY_NAMES, Contender, price
 from sysid_bench.gap.problem import Point, Problem, evaluate
-from sysid_bench.mechanics.effect import Effect
+from sysid_bench.mechanics.effect import Effect, direction
 
 SHUT = 1.02  # rho below which a fit leaves nothing
 ALIKE = 0.1  # share of a value by which starts differ that are one
@@ -97,15 +97,22 @@ def refine(
     ]
     begun = next((one.fit for one in arena.begun if one.candidate is candidate), None)
     found = _descended(arena, choices, promised, iterations, begun)
-    if found is None or _too_slow(arena.problem, found.point.effects[-1]):
+    if found is None or _no_turn(arena.problem, found):
         return None
     return arena.contender(found, candidate)
 
 
-def _too_slow(problem: Problem, effect: Effect) -> bool:
-    """True for a tone that makes less than one turn in any record: a drift by another name."""
-    longest = max(t.N * t.h for t in problem.traces)
-    return effect.name == "periodic_disturbance" and effect.value("frequency") * longest < 1
+def _no_turn(problem: Problem, found: Fit) -> bool:
+    """True where the last effect is a wave that makes no turn: a tone in the longest record, which is then a drift;
+    a ripple over the travel at its place, which is then a spring."""
+    effect = found.point.effects[-1]
+    if effect.name == "periodic_disturbance":
+        return effect.value("frequency") * max(t.N * t.h for t in problem.traces) < 1
+    if effect.name == "position_ripple":
+        c = direction(effect.dof, problem.model.n)
+        travel = max(float(np.ptp(run.X[:, : len(c)] @ c)) for run in found.runs)
+        return effect.value("pitch") > travel
+    return False
 
 
 def alike(one: Effect, other: Effect) -> bool:

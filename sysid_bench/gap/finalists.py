@@ -47,13 +47,16 @@ def _same(one: Candidate, other: Candidate) -> bool:
 
 
 def shortlist(screened: Screen, most: int) -> list[Candidate]:
-    """Suspects worth a simulation: at least half of the best, two places per name, one of each at a place."""
+    """Suspects worth a simulation: at least half of the best, two places per name, one of each at a place.
+
+    Unnamed shapes come on top of `most`: they take no name's place.
+    """
     out: list[Candidate] = []
     if not screened.candidates:
         return out
     best = screened.candidates[0].explained
     for c in screened.candidates:
-        if c.explained < max(0.5 * best, 15) or len(out) >= most:
+        if c.explained < max(0.5 * best, 15) or sum(not x.decoy for x in out) >= most:
             break
         family = "decoy" if c.decoy else c.effect.name
         same = [x for x in out if ("decoy" if x.decoy else x.effect.name) == family]

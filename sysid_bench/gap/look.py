@@ -66,7 +66,7 @@ def look(
     contenders = by_batches(problem, base, screened, rules, partial(fits_of, arena, screened))
     contenders += _frictions(arena, screened, contenders)
     contenders += _stops(arena, screened, contenders)
-    contenders += _from_the_nominal(arena, contenders)
+    contenders += from_the_nominal(arena, contenders)
     contenders = _with_kin(arena, contenders)
     return Round(screened, contenders, base, cheapest(contenders, linear_gap, rules.practical))
 
@@ -91,7 +91,7 @@ def by_batches(
     return contenders
 
 
-def _from_the_nominal(arena: Arena, contenders: list[Contender]) -> list[Contender]:
+def from_the_nominal(arena: Arena, contenders: list[Contender]) -> list[Contender]:
     """The name that leads, fitted once more from the nominal where it bent M, D, K and still leaves something.
 
     From a refit that has swallowed part of it, its descent creeps along a valley.
