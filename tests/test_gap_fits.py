@@ -24,7 +24,7 @@ from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.pieces import as_wholes, in_pieces, wholes
 from sysid_bench.gap.polish import drives, polished_candidate
 from sysid_bench.gap.prepare import prepared
-from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, Contender, cheapest
+from sysid_bench.gap.price import GAP_GAINS, RICHER_GAINS, TIE, Contender, cheapest
 from sysid_bench.gap.problem import Budget, Point, evaluate
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
@@ -162,6 +162,20 @@ def test_a_coupling_is_tried_in_place_of_a_stop_and_kept_where_the_gap_gains_no_
     chance = 2 * GAP_GAINS * rich.fit.rho
     kept = [cheapest([rich, replace(plain, cost=share * chance)], 1.0, 0.03) for share in (0.9, 1.1)]
     assert [x.effect.name for x in kept] == ["missing_coupling", "end_stop"]
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.9, "input_delay"), (1.1, "rate_limit")])
+def test_a_delay_that_is_alike_is_named_before_a_rate_limit(draw, share, named):
+    """Two levels of input make every ramp as long: a delay is the same data, and needs no nonlinearity."""
+    _, linear, _, _ = problem_and_screen(draw, 12, size="one", kind="single", name="input_delay")
+
+    def contender(name: str, cost: float) -> Contender:
+        one = effect_class(name)(0)
+        fitted = replace(linear, point=replace(linear.point, effects=(one,)))
+        return Contender(fitted, Candidate(one, 0.0, 0.0, np.zeros(0), linear.point.theta, False), cost)
+
+    kept = cheapest([contender("rate_limit", 0.0), contender("input_delay", share * TIE)], 1.0, 0.03)
+    assert kept is not None and kept.effect.name == named
 
 
 def test_a_budget_keeps_a_share_for_later():

@@ -19,6 +19,7 @@ RICHER_GAINS, RICHER_LEAVES = 0.0015, 0.5
 # (the dispersion of a quasi-likelihood; McCullagh, Nelder 1989).
 GAP_GAINS = 15.0
 HYSTERESIS = 8.0  # price by which a hysteresis that closes the gap must beat one of its simpler laws
+TIE = 10.0  # of price, below which two names are alike
 CLOSED = 1.15  # rho from which a fit may have missed its valley
 PLAINLY = 60.0  # of the price: a shape that closes the gap is not overruled by a name that is so far behind
 
@@ -70,11 +71,23 @@ def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -
         near = 20.0 if plainer else min(max(20.0, margin / 3), PLAINLY if best.fit.rho < CLOSED else np.inf)
         named = best.is_decoy and not other.is_decoy and behind < near
         enough = HYSTERESIS if best.fit.rho < CLOSED and smooth(other.effect) else nested
-        if other.effect.name == "missing_coupling":
+        if _linear_drive_for_rate_limit(other.effect, best.effect):
+            enough = TIE
+        elif other.effect.name == "missing_coupling":
             enough = 2 * max(GAP_GAINS * best.fit.rho, RICHER_GAINS * linear_gap)
-        if named or (behind < enough and not other.is_decoy and subset(other.effect, best.effect)):
+        if named or (behind < enough and not other.is_decoy and simpler(other.effect, best.effect)):
             return other
     return best
+
+
+def simpler(one: Effect, other: Effect) -> bool:
+    """True where one is the other's simpler law, or explains without a nonlinearity what the other explains with one."""
+    return subset(one, other) or _linear_drive_for_rate_limit(one, other)
+
+
+def _linear_drive_for_rate_limit(one: Effect, other: Effect) -> bool:
+    """True for a delay or a lag beside a rate limit: on an input of two levels every ramp is as long, and they are alike."""
+    return one.dof == other.dof and one.name in ("input_delay", "actuator_lag") and other.name == "rate_limit"
 
 
 def smooth(effect: Effect) -> bool:
