@@ -15,7 +15,7 @@ from sysid_bench.gap.problem import Point
 from sysid_bench.gap.refit import linear_fit
 from sysid_bench.gap.screen import screen
 from sysid_bench.gap.thresholds import Thresholds
-from sysid_bench.gap.traces import noise_floor, trace_of
+from sysid_bench.gap.traces import _filled_input, noise_floor, trace_of
 from sysid_bench.mechanics.nonlinear import simulate
 from sysid_bench.nouns import Model, Record
 
@@ -89,3 +89,17 @@ def test_a_strong_effect_is_seen_in_velocities_and_accelerations(output):
 )
 def test_an_effect_that_takes_only_part_of_the_gap_is_not_its_name(rho, left, too_much):
     assert _too_much(rho, left, False, Thresholds()) is too_much
+
+
+def test_a_smooth_input_is_filled_by_a_curve_that_does_not_overshoot():
+    """Two in a hundred samples lost, 20 per period at 1.6 rad/s of a band-limited input: a third of a straight line's error."""
+    rng, t = np.random.default_rng(0), 0.2 * np.arange(4000)
+    waves = zip(rng.uniform(0.1, 1.6, 30), rng.uniform(0, 6, 30))
+    u = sum(np.sin(omega * t + phase) for omega, phase in waves)[:, None]
+    good = rng.random(len(u)) > 0.02
+    error = {hold: np.std((_filled_input(u, good, hold) - u)[~good]) for hold in ("cubic", "foh")}
+    assert error["cubic"] < error["foh"] / 3
+    good = np.ones(len(u), dtype=bool)
+    good[1000:1040] = good[0] = good[-1] = False
+    filled = _filled_input(u, good, "cubic")
+    assert np.isfinite(filled).all() and np.abs(filled).max() <= 1.01 * np.abs(u).max()

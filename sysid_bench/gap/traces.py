@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from sysid_bench.gap.colour import Floor, coloured
 from sysid_bench.mechanics.stages import stage_values
@@ -125,11 +126,15 @@ def _input_known(u: Array, y: Array, good: np.ndarray) -> np.ndarray:
 
 
 def _filled_input(u: Array, good: np.ndarray, hold: str) -> Array:
+    """The input with what its hold makes of unknown samples; a smooth one by a curve that does not overshoot (Akima 1970)."""
     if hold == "zoh":
         last = np.maximum.accumulate(np.where(good, np.arange(len(u)), 0))
         return u[last]
     k = np.arange(len(u))
-    return np.column_stack([np.interp(k, k[good], c[good]) for c in u.T])
+    if hold == "foh":
+        return np.column_stack([np.interp(k, k[good], c[good]) for c in u.T])
+    known = k[good]
+    return Akima1DInterpolator(known, u[good], method="makima")(np.clip(k, known[0], known[-1]))
 
 
 def _regular(record: Record, u: Array, y: Array, good: np.ndarray, hold: str):
