@@ -21,11 +21,12 @@ from sysid_bench.gap.contend import Arena, best_start, refine
 from sysid_bench.gap.descent import Fit, fit, free_parameters
 from sysid_bench.gap.finalists import FRICTION, polished_screen, relatives, shortlist
 from sysid_bench.gap.fineness import on_finer_steps
-from sysid_bench.gap.look import UNCLEAN, far, first_look, first_views, look, noticeable
+from sysid_bench.gap.grounds import first_views
+from sysid_bench.gap.look import UNCLEAN, far, first_look, look
 from sysid_bench.gap.nudge import leads
 from sysid_bench.gap.pairs import pairs
 from sysid_bench.gap.pieces import closes
-from sysid_bench.gap.price import Contender, price, subset
+from sysid_bench.gap.price import Contender, noticeable, price, subset
 from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.rounding import for_any_rounding
 from sysid_bench.gap.screen import screen

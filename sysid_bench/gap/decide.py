@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from sysid_bench.gap.descent import Fit
+from sysid_bench.gap.grounds import bend
 from sysid_bench.gap.held_out import PRACTICAL
 from sysid_bench.gap.inverse import ForceProblem
-from sysid_bench.gap.look import bend
 from sysid_bench.gap.moves import closed_nearby, moved_knobs, practical_moves
 from sysid_bench.gap.price import DECOY_NAMES
 from sysid_bench.gap.problem import Problem

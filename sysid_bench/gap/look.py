@@ -11,11 +11,11 @@ import numpy as np
 from sysid_bench.gap.candidates import Candidate, Screen
 from sysid_bench.gap.contend import Arena, kindred, refine
 from sysid_bench.gap.descent import Fit, fit
-from sysid_bench.gap.finalists import polished_screen, shortlist
+from sysid_bench.gap.finalists import shortlist
+from sysid_bench.gap.grounds import bend, ground_of, view
 from sysid_bench.gap.nudge import leads
-from sysid_bench.gap.price import CLOSED, Contender, cheapest
-from sysid_bench.gap.problem import Problem, evaluate
-from sysid_bench.gap.screen import PRIOR_SCALE, screen
+from sysid_bench.gap.price import CLOSED, Contender, cheapest, noticeable
+from sysid_bench.gap.problem import Problem
 from sysid_bench.gap.story import Round, Rules
 
 UNCLEAN = 0.05  # share of the linear gap above which an unnamed shape has not explained it
@@ -23,16 +23,7 @@ BATCHES = 3  # of finalists, where the screen promises what no fit keeps
 # Times what the best suspect leaves, from which others are not fitted once something closes the gap.
 FAR = 1.6
 HARDLY = 0.5  # of what is left: where every suspect leaves more, the screen was misled
-CLEAR = 1.5  # rho of a refit that leaves a gap nobody overlooks
-STRONG, BENT = 20.0, 1.1  # rho, and step in priors, from which a refit has swallowed part of an effect
 STRAYED = 0.2  # step in priors from which a fit may have been led astray by where it began
-# Of what a refit leaves: where M, D, K leave less in a screen, it takes them for more than they are.
-MISLED = 0.25
-
-
-def noticeable(R: int) -> float:
-    """Energy beyond what the best of many suspects explains of R rows of noise, and a share of it that matters."""
-    return 30 + 4 * np.log(R) + 0.002 * R
 
 
 def look(
@@ -49,7 +40,7 @@ def look(
 
     screened: what they are taken from; known, begun: contenders of an earlier look, of a glance from base
     """
-    screened = screened or view(problem, _ground(problem, base), catalogue)
+    screened = screened or view(problem, ground_of(problem, base), catalogue)
     R = len(base.rows)
     if not screened.candidates or screened.candidates[0].explained < noticeable(R):
         return Round(screened, [], base, None)
@@ -185,12 +176,6 @@ def as_promised(base: Fit, contenders: list[Contender], screened: Screen) -> boo
     return any(s > 0.5 * p for s, p in zip(share, promised))
 
 
-def view(problem: Problem, ground: Fit, catalogue, prior_scale: float = PRIOR_SCALE) -> Screen:
-    """The suspects as seen from a ground, the best of them polished."""
-    screened = screen(problem, ground, catalogue, prior_scale)
-    return polished_screen(problem, screened, 0.3 * noticeable(len(ground.rows)))
-
-
 def first_look(
     problem: Problem,
     linear: Fit,
@@ -210,28 +195,6 @@ def first_look(
     return best
 
 
-def first_views(problem: Problem, linear: Fit, catalogue) -> Iterator[Screen]:
-    """Screens from the refit and, where it is bent, from the nominal, what promises more first; then one that holds on to it.
-
-    Along a motion that few forces drive, many M, D, K are as good; where they explain there what no simulation does,
-    the nominal is trusted as far as it is wrong.
-    """
-    if linear.rho < CLEAR or bend(problem, linear) < BENT / 2:
-        yield view(problem, linear, catalogue)
-        return
-    nominal = _nominal(problem, linear)
-    if linear.rho < STRONG or bend(problem, linear) < BENT:
-        yield (first := view(problem, linear, catalogue))
-        yield (second := view(problem, nominal, catalogue))
-    else:
-        first, second = (view(problem, ground, catalogue) for ground in (linear, nominal))
-        yield from sorted(
-            (first, second), key=lambda x: x.left - max((c.explained for c in x.candidates), default=0.0)
-        )
-    if min(first.left, second.left) < MISLED * linear.rss:
-        yield view(problem, nominal, catalogue, PRIOR_SCALE / np.sqrt(max(nominal.rho, 1.0)))
-
-
 def _shut(one: Round, linear: Fit) -> bool:
     """True where a name leaves next to nothing."""
     chosen = one.chosen
@@ -243,22 +206,3 @@ def _cheaper(one: Round, other: Round) -> Round:
     if other.chosen is None:
         return one
     return other if one.chosen is None or other.chosen.cost < one.chosen.cost else one
-
-
-def bend(problem: Problem, base: Fit) -> float:
-    """The largest step of an entry, in units of its prior."""
-    return float(np.max(np.abs(base.point.theta / problem.prior), initial=0.0))
-
-
-def _ground(problem: Problem, base: Fit) -> Fit:
-    """Where to screen from: the nominal parameters where the refit bent them to swallow a strong effect."""
-    if base.rho < STRONG or bend(problem, base) < BENT:
-        return base
-    return _nominal(problem, base)
-
-
-def _nominal(problem: Problem, base: Fit) -> Fit:
-    """The same with the nominal parameters."""
-    point = replace(base.point, theta=np.zeros_like(base.point.theta))
-    found = evaluate(problem, point)
-    return base if found is None else replace(base, point=point, rows=found[0], runs=found[1])

@@ -54,6 +54,11 @@ def price(problem: Problem, one: Fit) -> float:
     return 2 * one.rss + count * np.log(R) + moved
 
 
+def noticeable(R: int) -> float:
+    """Energy beyond what the best of many suspects explains of R rows of noise, and a share of it that matters."""
+    return 30 + 4 * np.log(R) + 0.002 * R
+
+
 def cheapest(contenders: list[Contender], linear_gap: float, practical: float) -> Contender | None:
     """The lowest price; a simpler catalogue effect that is nearly as good wins over a decoy or a richer one."""
     if not contenders:
