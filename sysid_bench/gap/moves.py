@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from sysid_bench.gap.descent import Fit
 from sysid_bench.gap.problem import MATRICES, Problem
@@ -66,6 +65,8 @@ def closed_nearby(problem: Problem, fit: Fit, thresholds: Thresholds) -> bool:
     """
     if fit.covariance is None or not problem.entries or not np.isfinite(fit.covariance).all():
         return True
+    from scipy.optimize import lsq_linear  # slow to load, and rarely needed
+
     count, sizes = len(problem.entries), _practical_sizes(problem, thresholds)
     spread, axes = np.linalg.eigh(fit.covariance[:count, :count])
     root = axes.T * np.sqrt(max(fit.rho, 1) / np.maximum(spread, FINEST * spread[-1]))[:, None]

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator
 
 from sysid_bench.gap.colour import Floor, coloured
 from sysid_bench.mechanics.stages import stage_values
@@ -133,6 +132,8 @@ def _filled_input(u: Array, good: np.ndarray, hold: str) -> Array:
     k = np.arange(len(u))
     if hold == "foh":
         return np.column_stack([np.interp(k, k[good], c[good]) for c in u.T])
+    from scipy.interpolate import Akima1DInterpolator  # slow to load, and rarely needed
+
     known = k[good]
     return Akima1DInterpolator(known, u[good], method="makima")(np.clip(k, known[0], known[-1]))
 
