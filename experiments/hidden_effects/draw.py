@@ -51,6 +51,8 @@ class Draw:
         self.hidden, self.small = Hidden(), small
         self.base = run(self.machine, self.hidden, self.us[0], 3)
         verdict = self.kind if self.kind in ("none", "parameters", "unknown") else "effect"
+        if self.kind == "none" and self.conditions.wrong_parameters:
+            verdict = "parameters"
         self.truth = {"verdict": verdict, "effects": [], "stratum": stratum}
         self.strength, self.name = strength, name
 
